@@ -1,4 +1,4 @@
-"""Which predicates hold at most one fact on a robot, whatever the rules do.
+"""Predicates that hold at most one fact on a robot, for all choices of rules.
 
 Facts are resources: a rule takes what it consumes and gives what it derives. A group of predicates of which no rule
 gives more than it takes, and of which a robot is given one fact at most, never holds more than that one: it is a token
@@ -65,11 +65,11 @@ class _Account:
         """It fires once in a robot's life."""
 
     def exceeds(self, group: int) -> bool:
-        """Tell whether the rule gives more facts of a group than it takes."""
+        """Return whether the rule gives more facts of a group than it takes."""
         return _of(self.gives, group) > _of(self.takes, group)
 
     def fills(self, group: int) -> bool:
-        """Tell whether the rule gives one fact of a group, and that only while there is none."""
+        """Return whether the rule gives one fact of a group, and that only while there is none."""
         return _of(self.gives, group) == 1 and not group & ~self.without
 
 
@@ -149,7 +149,7 @@ class _Search:
         return None, []
 
     def is_one(self, predicate: int) -> bool:
-        """Tell whether all facts of a predicate, given to one robot and derived, are the same one."""
+        """Return whether all facts of a predicate, given to one robot and derived, are the same one."""
         given: dict[int | None, list[object]] = {None: []}
         for fact in self._stated[predicate]:
             given.setdefault(fact.owner, []).append(_stated_key(fact))
@@ -169,7 +169,7 @@ def _members(group: int) -> Iterator[int]:
 
 
 def _matches_all(atom: Atom) -> bool:
-    """Tell whether an atom matches every fact of its predicate."""
+    """Return whether an atom matches every fact of its predicate."""
     return all(isinstance(arg, Anything) for arg in atom.args)
 
 

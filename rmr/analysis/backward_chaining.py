@@ -46,7 +46,7 @@ from rmr.bytecode.program import (
 )
 
 APART = 1 << 16
-"""Added to the slots of what is wanted, so that they are none of a rule's; no rule has as many."""
+"""Offset of a goal's slots, which renames them apart from a rule's; no rule has that many slots."""
 
 WINNING = frozenset({Operator.MIN, Operator.MAX})
 """Aggregates that derive nothing without a match; the others do of none as well."""
@@ -82,7 +82,7 @@ class Derivation(NamedTuple):
     """One way to derive a fact."""
 
     rule: int | None
-    """Index of the rule; None: whatever derives the action."""
+    """Index of the rule; None: any rule that derives the action."""
     action: int | None
     home: Pattern
     """The robot on which it is one: any (``HOME``), or the one that the rule names."""

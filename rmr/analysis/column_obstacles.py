@@ -81,7 +81,7 @@ def obstacles(program: Program, given: Sequence[InitialFact] = ()) -> list[Obsta
 
 
 def fallible(line: Sequence[Operation]) -> bool:
-    """Tell whether an expression may have no value."""
+    """Return whether an expression may have no value."""
     return any(each.name in _FALLIBLE for each in line)
 
 

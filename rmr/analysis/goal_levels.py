@@ -134,7 +134,7 @@ class Levels:
 
 
 def _agrees(wanted: Key, key: Key) -> bool:
-    """Tell whether a fact of this key is what is wanted; the same variable is the same value."""
+    """Return whether a fact of this key is what is wanted; the same variable is the same value."""
     values: dict[object, object] = {}
     for one, other in zip(wanted, key, strict=True):
         if isinstance(one, Anything):

@@ -180,7 +180,7 @@ def work_out(name: str, values: Sequence[Value]) -> Value:
 
 
 def _alike(one: Base, other: Base) -> bool:
-    """Tell whether values of two types can be the same."""
+    """Return whether values of two types can be the same."""
     return one is other or (one in NUMBERS and other in NUMBERS)
 
 

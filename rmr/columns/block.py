@@ -1,8 +1,10 @@
-"""The columns of one block of robots: which facts hold, with which arguments, and what else a robot remembers.
+"""The state of one block of robots in columns, one row for each robot.
 
-Beside facts these are: the goals that are open, and when the others were achieved; of each rule that consumes nothing
-whether it has fired for the match that stands; of each place where an expression can fail whether it has for the facts
-that stand, so that each failure counts once; and the stream from which the robot draws.
+- Facts: whether each predicate's fact holds, and its arguments.
+- Goals: whether each is open, and when it was achieved.
+- Refraction: whether a rule that consumes nothing has fired for its present match.
+- Failures: whether an expression has failed for its present facts, so that each failure counts once.
+- The state of each robot's random stream.
 """
 
 from collections.abc import Sequence
@@ -24,14 +26,14 @@ class GoalWatch(Protocol):
 
 
 class Follows:
-    """What insertions of each predicate have to be told to; the same for all blocks."""
+    """By predicate, the state that an insertion resets; the same for all blocks."""
 
     def __init__(self, program: Program, goals: GoalWatch) -> None:
         self.goals = goals
         self.fired: list[list[int]] = [[] for _ in program.predicates]
-        """Rules that may fire again."""
+        """Rules that may fire again after an insertion: their refraction mark is cleared."""
         self.failed: list[list[int]] = [[] for _ in program.predicates]
-        """Places that may fail again."""
+        """Places whose next failure counts again after an insertion."""
         self.persistent = [each.kind is Kind.PERSISTENT for each in program.predicates]
 
 
@@ -56,9 +58,9 @@ class Block:
         self.achieved_at = [np.zeros(size, np.uint32) for _ in program.goals]
         """The tick."""
         self.achieved_as = [np.zeros(size, np.uint16) for _ in program.goals]
-        """The how manieth of the robot's goals; 0: it is not achieved."""
+        """Ordinal number of the achievement on the robot, from 1; 0: not achieved."""
         self.live: list[int] = []
-        """Goals that are open somewhere."""
+        """Goals that are open in some row."""
         self.busy = np.ones(size, np.bool_)
         """Which robots may have a rule satisfied."""
         self.last: Array | None = None
@@ -67,11 +69,11 @@ class Block:
 
     @property
     def size(self) -> int:
-        """How many robots there are."""
+        """Number of robots."""
         return len(self.robots)
 
     def insert(self, predicate: int, values: Sequence[Array], rows: Array) -> None:
-        """Insert a fact in `rows`, and let follow what follows from it; in a set that holds it this is no insertion."""
+        """Insert a fact in `rows` and apply the consequences; where a set holds the fact already, do nothing."""
         present = self.present[predicate]
         if self.follows.persistent[predicate]:
             rows = rows & ~present
@@ -82,7 +84,7 @@ class Block:
         self._follow(predicate, rows)
 
     def _follow(self, predicate: int, rows: Array) -> None:
-        """Let matches with the new facts be new ones, and goals be achieved."""
+        """Reset the marks of matches with the old fact, and discharge goals."""
         again = [self.fired[each] for each in self.follows.fired[predicate] if each in self.fired]
         again += [self.failed[each] for each in self.follows.failed[predicate] if each in self.failed]
         if again:
@@ -93,7 +95,7 @@ class Block:
             self.follows.goals.inserted(self, predicate, rows)
 
     def fail(self, place: int, rows: Array) -> None:
-        """Note that the expression at `place` has no value in `rows`."""
+        """Record that the expression at `place` has no value in `rows`; count it where it is new."""
         failed = self.failed.get(place)
         if failed is None:
             failed = self.failed[place] = np.zeros(self.size, np.bool_)
@@ -129,7 +131,7 @@ class Block:
 
     @property
     def octets(self) -> int:
-        """What all columns take, without what is needed for a moment only."""
+        """Memory of all columns, in octets, without temporaries."""
         several = [self.present, self.open, self.achieved_at, self.achieved_as, *self.args]
         columns = [each for group in several for each in group]
         columns += [self.robots, self.streams, self.firings, self.busy, *self.fired.values(), *self.failed.values()]
@@ -147,5 +149,5 @@ def stated_values(fact: InitialFact, block: Block, program: Program, layout: Col
 
 
 def owned(owner: int | None, robots: Array) -> Array:
-    """Return the rows of the robots for which something is stated."""
+    """Return the mask of the rows whose robot is `owner`; None: all rows."""
     return np.ones(len(robots), np.bool_) if owner is None else robots == owner

@@ -1,7 +1,7 @@
-"""Goals in columns (paper III.B): which rows have which one open, and how near a rule brings them to one.
+"""Goals in columns (paper III.B): the rows in which each goal is open, and the ranks of rules by row.
 
-Only goals that the program states, and of which the compiler says for each rule how many further firings lead there
-from all of its firings (`InitialGoal.leads`): then a row's rank of a rule is the lowest among its open goals.
+Only goals that the program states are supported, with ranks from the compiler that are the same for all firings of a
+rule (`InitialGoal.leads`). A row's rank of a rule is then the lowest over its open goals.
 """
 
 from collections.abc import Iterable
@@ -37,10 +37,10 @@ class ColumnGoals:
             rank: np.uint16(place) for place, rank in enumerate(sorted({r for each in leads for r in each.values()}))
         }
         self._ranks = [{rule: places[rank] for rule, rank in each.items()} for each in leads]
-        """By goal and rule: the place of the rank among all that there are."""
+        """By goal and rule: the rank's index in the sorted list of all ranks, which fits into 16 bits."""
 
     def want(self, block: "Block", index: int, rows: Array) -> None:
-        """Open a goal in `rows` unless the same one is open there, or discharge it at once if it is fulfilled."""
+        """Open a goal in `rows` unless an identical one is open there; discharge it at once where it is fulfilled."""
         goal = self._program.goals[index]
         for earlier in self._of[goal.predicate]:
             if earlier == index:
@@ -51,13 +51,13 @@ class ColumnGoals:
         self._achieve(block, index, block.present[goal.predicate])
 
     def inserted(self, block: "Block", predicate: int, rows: Array) -> None:
-        """Discharge the goals that a fact fulfils which has been inserted in `rows`."""
+        """Discharge the goals that a fact inserted in `rows` fulfils."""
         for index in self._of[predicate]:
             if index in block.live:
                 self._achieve(block, index, rows)
 
     def ranks(self, block: "Block", rule: int) -> Array:
-        """Return the ranks of a rule's firings, as their places; the largest number comes after every rank."""
+        """Return the rank indices of a rule's firings by row; the largest 16-bit number stands for no rank."""
         ranks = np.full(block.size, np.iinfo(np.uint16).max, np.uint16)
         for index in block.live:
             if rule in self._ranks[index]:
@@ -65,7 +65,7 @@ class ColumnGoals:
         return ranks
 
     def report(self, block: "Block", row: int) -> Report:
-        """Return what a machine's report says of the goals of one robot."""
+        """Return the goals of one robot in the form of a machine's report (`Goals.report`)."""
         robot = Robot(block.robots[row])
         texts = [
             goal_text(self._program.predicates[goal.predicate].name, robot, here(goal.args, robot))
@@ -90,7 +90,7 @@ class ColumnGoals:
             block.live.remove(index)
 
     def _agreeing(self, block: "Block", goal: InitialGoal, rows: Array) -> Array:
-        """Return those of `rows` in which the fact that holds is as the goal wants it."""
+        """Return those of `rows` in which the fact that holds matches the goal."""
         types = self._program.predicates[goal.predicate].types
         columns = block.args[goal.predicate]
         first: dict[int, int] = {}
@@ -105,7 +105,7 @@ class ColumnGoals:
         return rows
 
     def _alike(self, one: InitialGoal, other: InitialGoal, robots: Array) -> Array:
-        """Return for which robots two goals of a predicate are written the same."""
+        """Return the mask of the robots for which two goals of a predicate are identical."""
         robot = _only_alike_for(zip(one.args, other.args, strict=True))
         if robot is None:
             return np.ones(len(robots), np.bool_)

@@ -1,6 +1,6 @@
-"""How values stand in columns: numbers as they are, Booleans in an octet, robots in two, symbols as small codes.
+"""Encoding of values in columns: numbers as they are, Booleans in one octet, robots in two, symbols as small codes.
 
-Columns make no symbols that the program and the given facts do not name, so a code is a symbol's place among these.
+No operation makes a new symbol, so a symbol's code is its index among those in the program and the given facts.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ from rmr.columns.numbers import Array
 
 
 class ColumnLayout:
-    """The types of columns, and what symbols are in them."""
+    """The numpy types of columns, and the table of symbols."""
 
     def __init__(self, program: Program, given: Iterable[InitialFact]) -> None:
         symbols = dict.fromkeys(each for each in _values(program, given) if type(each) is Symbol)

@@ -1,7 +1,7 @@
-"""The run of all robots: step by step, each step one firing of every robot that is not quiescent.
+"""Vectorised run of all robots: in each step every robot that is not quiescent fires once.
 
-In a step each row takes of its satisfied rules one of the best rank: the first in the text, or one that is drawn, with
-one draw from the row's stream and only where there is a choice.
+In a step each row takes one of its satisfied rules of the best rank: the first in the text, or one drawn with one draw
+from the row's stream. A row without a choice draws nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,8 @@ from rmr.columns.numbers import Array, unless
 from rmr.columns.rules import MatchedRows, column_rules
 
 ROWS = 1 << 14
-"""Robots of a block: what one step looks at fits into a second-level cache, and numpy's calls cost little."""
+"""Robots of a block: the columns of one step fit into a second-level cache, and the overhead of numpy's calls is
+small."""
 
 
 class Columns:
@@ -33,7 +34,7 @@ class Columns:
         given: Sequence[InitialFact] = (),
         rows: int = ROWS,
     ) -> None:
-        """Begin with the stated facts and goals, then the `given` facts; `streams` are what the robots draw from.
+        """Begin with the stated facts and goals, then the `given` facts; `streams` are the states of random streams.
 
         Raises ValueError if the program cannot be run as columns (`rmr.analysis.column_obstacles.obstacles`).
         """
@@ -98,7 +99,8 @@ class Columns:
         return done
 
     def _cut(self, block: Block, budget: int, tick: int, firings_max: int) -> int:
-        """Return before how many rows of a block less than `firings_max` firings are made in a run."""
+        """Return the number of rows before which a run makes less than `firings_max` firings, in order of the rows."""
+        # Rows are independent, so a run of a copy shows how many firings each makes.
         trial = block.copy()
         self._fire(trial, budget, tick)
         made = (trial.firings - block.firings).astype(np.int64)
@@ -149,6 +151,7 @@ class Columns:
                 left &= ~match.rows
         else:
             place = self._drawn(block, matches)
+            # `place` counts down over the satisfied rules of a row: the rule that finds 0 is the drawn one.
             for match in matches:
                 yield match, match.rows & (place == 0)
                 place -= match.rows
@@ -168,11 +171,11 @@ class Columns:
             block.streams[rows] = states
         return place
 
-    # ---- what is told
+    # ---- report
 
     @property
     def firings(self) -> Array:
-        """How often each robot has fired."""
+        """Number of firings of each robot."""
         return np.concatenate([block.firings for block in self.blocks])
 
     @property
@@ -187,21 +190,21 @@ class Columns:
 
     @property
     def failed(self) -> int:
-        """How often an expression had no value, on all robots together."""
+        """Number of failures of expressions (no value) on all robots together."""
         return sum(int(block.failures.sum()) for block in self.blocks if block.failures is not None)
 
     def failures(self, robot: int) -> int:
-        """Return how often an expression had no value on one robot, told like the following by its place."""
+        """Return the number of failures of expressions on the robot at place `robot` of those of the run."""
         block, row = self._row(robot)
         return 0 if block.failures is None else int(block.failures[row])
 
     def last(self, robot: int) -> int | None:
-        """Return the rule with which a robot used up its first budget; None if it did not."""
+        """Return the rule with which the robot at a place used up its first budget; None if it did not."""
         block, row = self._row(robot)
         return None if block.last is None or block.last[row] < 0 else int(block.last[row])
 
     def facts(self, robot: int) -> list[str]:
-        """Return what `Machine.facts` does of one robot."""
+        """Return the facts of the robot at a place, in the form of `Machine.facts`."""
         block, row = self._row(robot)
         texts: list[str] = []
         for index, predicate in enumerate(self.program.predicates):
@@ -213,7 +216,7 @@ class Columns:
         return sorted(texts)
 
     def goals(self, robot: int) -> Report:
-        """Return what `Machine.goals` does of one robot."""
+        """Return the goals of the robot at a place, in the form of `Machine.goals`."""
         return self._goals.report(*self._row(robot))
 
     def _row(self, robot: int) -> tuple[Block, int]:
@@ -225,5 +228,5 @@ class Columns:
 
     @property
     def octets(self) -> int:
-        """What all columns take."""
+        """Memory of all columns, in octets."""
         return sum(block.octets for block in self.blocks)

@@ -1,9 +1,9 @@
-"""What operators make of whole columns, bit for bit as `rmr.bytecode.arithmetic` does for single values.
+"""Vectorised operators, equal bit for bit to `rmr.bytecode.arithmetic` on single values.
 
-numpy wraps integers around, rounds them when they meet floats, and has its own sine. So overflow is looked for, and
-whatever numpy cannot do exactly is done value by value, which is slow and rare: products near 64 bits, integers
-beyond 2**53 among floats, angles. Values that stand for nothing (rows in which the fact does not hold) go through all
-of it unharmed.
+numpy wraps integers around, rounds them when they meet floats, and has its own sine. So overflow is detected, and a
+result that numpy cannot compute exactly is computed value by value, which is slow and rare: products near 64 bits,
+integers beyond 2**53 among floats, angles. Rows in which the fact does not hold have arbitrary values; these pass
+through every operator without an error and are masked afterwards.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,16 @@ from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.program import Base
 
 Array = npt.NDArray[Any]
-"""A column, or a single value that stands for a column of it."""
+"""A column, or a single value that numpy broadcasts to a column."""
 
 EXACT = 1 << 53
-"""Integers up to this one are the same as floats."""
+"""Bound on the magnitude of integers that are all exact as floats (53 bits of mantissa)."""
 SURE = float((1 << 63) - 8192)
-"""A product that is smaller as a float fits into 64 bits, whatever the three roundings on the way."""
+"""Bound on a product computed with floats below which the exact product certainly fits into 64 bits.
+
+The margin covers three roundings, of both factors and of the product, each by half a unit in the last place."""
 BEYOND = float(1 << 63)
+"""Least positive float that no 64-bit integer reaches."""
 
 
 class MaskedColumn(NamedTuple):
@@ -33,14 +36,14 @@ class MaskedColumn(NamedTuple):
 
     value: Array
     valid: Array | None = None
-    """In which rows there is a value; None: in all."""
+    """Rows in which the expression has a value; None: all."""
 
 
 Work = Callable[[list[Array], list[Base]], MaskedColumn]
 
 
 def also(one: Array | None, other: Array | None) -> Array | None:
-    """Return where both hold; None is everywhere."""
+    """Return the conjunction of two masks; None stands for all rows."""
     if one is None or other is None:
         return other if one is None else one
     both: Array = one & other
@@ -48,11 +51,12 @@ def also(one: Array | None, other: Array | None) -> Array | None:
 
 
 def write(column: Array, value: Array, rows: Array) -> None:
-    """Put a value, or those of another column, into `rows` of a column.
+    """Write a value, or the values of another column, into `rows` of a column.
 
-    numpy's own masked copies go by branches; which rows fire is as good as random, so they cost ten times as much.
+    numpy's masked copies branch on each row. The rows that fire are unpredictable, so that costs ten times as much.
     """
     if column.itemsize == 1:
+        # Branch-free select: -True is 0xFF as an octet, so a selected row gets column ^ (column ^ value) = value.
         octets = column.view(np.uint8)
         octets ^= (octets ^ value.view(np.uint8)) & -rows.view(np.uint8)
     else:
@@ -61,6 +65,7 @@ def write(column: Array, value: Array, rows: Array) -> None:
 
 def unless(rows: Array) -> Array:
     """Return 0 in `rows` and the largest number elsewhere."""
+    # 1 - 1 is 0; 0 - 1 wraps around to 65535.
     return rows.astype(np.uint16) - np.uint16(1)
 
 
@@ -70,7 +75,7 @@ def _floats(value: Array) -> Array:
 
 
 def _one_by_one(name: str, values: list[Array], rows: Array, found: MaskedColumn) -> MaskedColumn:
-    """Work out `rows` of a column as the interpreter does, into a column found already."""
+    """Compute `rows` of a column value by value, as the interpreter does, and merge them into the column `found`."""
     columns = np.broadcast_arrays(*map(np.atleast_1d, values))
     shape = columns[0].shape
     value = np.array(np.broadcast_to(found.value, shape))
@@ -86,12 +91,12 @@ def _one_by_one(name: str, values: list[Array], rows: Array, found: MaskedColumn
 
 
 def _large(value: Array, base: Base) -> Array | bool:
-    """Tell which integers floats cannot hold."""
+    """Return the rows with integers that may be inexact as floats."""
     return (value > EXACT) | (value < -EXACT) if base is Base.INT else False
 
 
 def _mended(name: str, values: list[Array], bases: list[Base], found: MaskedColumn) -> MaskedColumn:
-    """Return a column that was worked out with floats, made exact where integers are too large for that."""
+    """Return a column computed with floats, recomputed exactly where an operand is too large an integer."""
     rows = _large(values[0], bases[0]) | _large(values[-1], bases[-1])
     return _one_by_one(name, values, np.asarray(rows), found) if np.any(rows) else found
 
@@ -108,6 +113,7 @@ def _add(values: list[Array], bases: list[Base]) -> MaskedColumn:
     if Base.FLOAT in bases:
         return _finite(_floats(one) + _floats(other))
     total = one + other
+    # The sum has overflowed if both operands have the sign that the sum has not (Warren, Hacker's Delight, 2-13).
     return MaskedColumn(total, ((one ^ total) & (other ^ total)) >= 0)
 
 
@@ -116,6 +122,7 @@ def _sub(values: list[Array], bases: list[Base]) -> MaskedColumn:
     if Base.FLOAT in bases:
         return _finite(_floats(one) - _floats(other))
     rest = one - other
+    # The difference has overflowed if the operands differ in sign and the result has not the minuend's sign.
     return MaskedColumn(rest, ((one ^ other) & (one ^ rest)) >= 0)
 
 
@@ -124,6 +131,7 @@ def _mul(values: list[Array], bases: list[Base]) -> MaskedColumn:
     about = _floats(one) * _floats(other)
     if Base.FLOAT in bases:
         return _finite(about)
+    # numpy has no overflow flag for products: a float estimate decides, and doubtful rows are computed exactly.
     sure = np.abs(about) < SURE
     found = MaskedColumn(one * other, sure)
     return found if np.all(sure) else _one_by_one("mul", values, ~sure, found)
@@ -176,7 +184,7 @@ def _id(values: list[Array], _: list[Base]) -> MaskedColumn:
 
 
 def _single(name: str) -> Work:
-    """Return what works a function out value by value."""
+    """Return the operator that computes a function value by value."""
 
     def work(values: list[Array], _: list[Base]) -> MaskedColumn:
         nothing = np.zeros(np.broadcast_shapes(*[each.shape for each in values]))
@@ -216,7 +224,7 @@ def same(one: Array, one_base: Base, other: Array, other_base: Base) -> Array:
 
 
 def _choose(comparison: str) -> Work:
-    """Return what takes the smaller or larger of two; of equal ones (0.0 and -0.0) the first."""
+    """Return the operator for the smaller or larger of two values; the first of equal ones (0.0 and -0.0)."""
     better = _compare(comparison)
 
     def work(values: list[Array], bases: list[Base]) -> MaskedColumn:
@@ -235,7 +243,7 @@ FORMS: dict[str, Work] = {
     "root": _sqrt,
     "robot_number": _id,
 }
-"""The forms that rows of `FUNCTIONS` name; a function without one is worked out value by value."""
+"""Vectorised forms, by the name in `FUNCTIONS`; a function without one is computed value by value."""
 
 WORK: dict[str, Work] = {
     **{name: _compare(name) for name in _COMPARED},
@@ -251,4 +259,4 @@ WORK: dict[str, Work] = {
     "always": lambda values, _: MaskedColumn(np.ones_like(values[0], np.bool_)),
     **{each.name: FORMS[each.columns] if each.columns else _single(each.name) for each in FUNCTIONS},
 }
-"""By operation: what it makes of columns that have a value in every row."""
+"""Operators by name, for operands that have a value in every row."""

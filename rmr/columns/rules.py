@@ -1,8 +1,9 @@
-"""Rules in columns: in which rows one is satisfied, and what it does where it fires.
+"""Vectorised rules: the rows (robots) in which a rule is satisfied, and its effect where it fires.
 
-The steps of a body narrow the rows down one by one, as `rmr.vm.match` tries them for one robot. With at most one fact
-of each predicate a row has one match at most. A rule that consumes nothing fires once for it: until one of its facts
-is another one, or, with ``not`` in the body, until the match has been gone.
+Each step of a body restricts a Boolean column of rows, in the order in which `rmr.vm.match` tries the conjuncts for one
+robot. A predicate has at most one fact in a row, so a row has at most one match. A rule that consumes nothing fires
+once for that match (refraction): again after one of its facts has been replaced, or, with ``not`` in the body, after
+the match has ceased to hold.
 """
 
 from abc import ABC, abstractmethod
@@ -23,7 +24,7 @@ from rmr.columns.numbers import Array, MaskedColumn, also, same
 from rmr.vm.match import plan_atom
 
 Columns = list[Array | None]
-"""Those of a rule's variables."""
+"""By slot, the column of a rule's variable; None: unbound."""
 
 
 class _Step(ABC):
@@ -31,11 +32,11 @@ class _Step(ABC):
 
     @abstractmethod
     def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
-        """Return those of `rows` in which it holds, a new column, and bind its variables."""
+        """Return a new column: those of `rows` in which the conjunct holds. Bind its variables."""
 
 
 class _Term(NamedTuple):
-    """With what an argument is compared: a value, a variable, or an argument before it."""
+    """A comparison of an argument with a value, a variable, or an earlier argument."""
 
     place: int
     base: Base
@@ -46,7 +47,7 @@ class _Term(NamedTuple):
 
 
 class _Fact(_Step):
-    """A fact that holds, or none that does."""
+    """An atom: a fact that holds, or (``not``) the absence of one."""
 
     def __init__(self, atom: Atom, program: Program, slots: Slots, layout: ColumnLayout, *, again: bool) -> None:
         """`again`: another conjunct has taken the one temporary fact of the predicate that there can be."""
@@ -72,6 +73,7 @@ class _Fact(_Step):
             other = slots[term.slot] if term.slot is not None else term.value
             if other is None:
                 other = args[term.twin]
+            # Rows without the fact are compared too, on stale arguments: `present` masks the result.
             holds = holds & same(args[term.place], term.base, other, term.other_base)
         if self._absent:
             return rows & ~holds
@@ -81,7 +83,7 @@ class _Fact(_Step):
 
 
 class _Condition(_Step):
-    """A condition, or a variable that an expression binds."""
+    """A condition, or an equation that binds a variable."""
 
     def __init__(self, line: ColumnExpression, place: int | None, slot: int | None = None) -> None:
         self._line = line
@@ -98,7 +100,7 @@ class _Condition(_Step):
 
 
 def _valid(block: Block, valid: Array | None, place: int | None, rows: Array) -> Array:
-    """Return those of `rows` in which there is a value, and note the others."""
+    """Return those of `rows` in which the expression has a value; record a failure in the others."""
     if valid is None:
         return rows
     assert place is not None
@@ -116,14 +118,14 @@ class _Insertion(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A part of the head: a fact, or facts in turn."""
+    """A part of the head: a fact, or a chain of facts (``then``)."""
 
     insertions: list[_Insertion]
     place: int | None
 
 
 class MatchedRows(NamedTuple):
-    """Where a rule is satisfied, and what it would derive there."""
+    """The rows in which a rule is satisfied, and the columns that it would derive there."""
 
     rule: "ColumnRule"
     rows: Array
@@ -136,7 +138,7 @@ class ColumnRule:
     def __init__(
         self, index: int, program: Program, layout: ColumnLayout, places: Iterator[int], follows: Follows
     ) -> None:
-        """`places` numbers the places where expressions may fail; `follows` is told what concerns whom."""
+        """`places` numbers the expressions that may fail; `follows` collects what each insertion must reset."""
         rule = program.rules[index]
         self.index = index
         self._slots = rule.slots
@@ -147,6 +149,7 @@ class ColumnRule:
         self._head = list(self._parts(rule, bases, layout, places, follows))
         consumed = [each.predicate for each in atoms if each.mode is Mode.CONSUME]
         derived = [each.predicate for part in self._head for each in part.insertions]
+        # A predicate consumed and derived by the same firing stays present: its arguments are overwritten.
         self._removed = [each for each in consumed if each not in derived]
         self._copied = sum(len(each.lines) for part in self._head for each in part.insertions) > 1
         self.once = not consumed
@@ -199,7 +202,7 @@ class ColumnRule:
         fired = block.fired.get(self.index)
         if fired is not None:
             if self._changing:
-                fired &= rows
+                fired &= rows  # where a match with ``not`` has ceased to hold, the rule may fire again
             rows = rows & ~fired
         if not rows.any():
             return None
@@ -211,6 +214,7 @@ class ColumnRule:
                 derived.append((insertion, values))
                 for each in values:
                     valid = also(valid, each.valid)
+            # Part by part: the first part that fails ends the row, so each row reports one failure, as `rmr.vm.derive`.
             rows = _valid(block, valid, part.place, rows)
         return MatchedRows(self, rows, derived) if rows.any() else None
 
@@ -230,6 +234,7 @@ class ColumnRule:
             if fired is None:
                 fired = block.fired[self.index] = np.zeros(block.size, np.bool_)
             fired |= rows
+        # All columns are secured before any is written: a head may read the arguments that it overwrites.
         values = [(insertion.predicate, self._kept(block, insertion, held)) for insertion, held in match.derived]
         for predicate in self._removed:
             block.present[predicate] ^= rows
@@ -237,7 +242,7 @@ class ColumnRule:
             block.insert(predicate, columns, rows)
 
     def _kept(self, block: Block, insertion: _Insertion, values: Sequence[MaskedColumn]) -> list[Array]:
-        """Return the columns to insert: copies of those that inserting changes, but for one that goes where it is."""
+        """Return the columns to insert: a copy of each column of the block, unless it is inserted in its own place."""
         if not self._copied:
             return [held.value for held in values]
         places = zip(insertion.lines, values, block.args[insertion.predicate], strict=True)

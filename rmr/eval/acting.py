@@ -1,7 +1,7 @@
-"""What carries out actions of robots without bodies: time passes, then an action is done, or fails as it is told to.
+"""Simulated actions of robots without bodies: an action takes its time, then it completes, or fails (`--fail`).
 
-`wait` takes the seconds that it says. Every other action takes the time that is given for its name, else the time that
-is given for all.
+`wait` takes the seconds of its argument. Every other action takes the time given for its name (`--action-time`), else
+the time given for all.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ class FailingCount:
     met: int = 0
 
     def fails(self, action: str, robot: int, args: tuple[Value, ...]) -> bool:
-        """Tell whether an action that begins is to fail."""
+        """Return whether an action that begins is to fail."""
         wanted = self.wanted
         if action != wanted.action or not pattern_agrees(wanted.patterns, (Robot(robot), *args)):
             return False

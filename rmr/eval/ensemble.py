@@ -1,12 +1,12 @@
-"""The run: the nodes of all robots over one ether, in virtual time, until nothing is left to do.
+"""Discrete-event run of an evaluation: the nodes of all robots over one ether, in virtual time, until quiescence.
 
-Nobody is called without need: the heap of calls holds frames under way, events from outside, and for each robot the
-one instant at which it wants to be called. The run is quiescent when every robot is idle (`Node.idle`: no rule
-satisfied, nothing under way from it, no action, no deadline ahead), no frame that matters is in the air and no event
-from outside is outstanding. A robot's idleness changes only when it is called, so it is looked at only then.
+A robot is called only when needed: the event heap holds frames under way, events from outside, and for each robot the
+one instant of its next call. The run is quiescent when every robot is idle (`Node.idle`: no rule satisfied, nothing
+under way from it, no action, no deadline ahead), no program frame is in the air and no event from outside is
+outstanding. A robot's idleness changes only in a call, so it is updated only then.
 
-What happened last is what a robot noted, a firing or an event from outside. News of what was said long before
-(acknowledgements, repeats) and the coming and going of schedules are no such thing.
+The time of the last event (`happened`) counts notes of robots, firings and events from outside. It does not count
+acknowledgements and repeats of earlier frames, nor changes of schedules.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -44,33 +44,34 @@ from rmr.node.trace import TraceLevel
 from rmr.vm.engines import Engine
 
 FIRINGS_MAX = 2_000_000
-"""Firings of one run, and as many hundredths more as there are robots. One that never becomes quiet fires 30,000 times
-in a second; a minute of that shows that it goes on."""
+"""Firings of one run; each robot adds 1 % (`most`). A program that never becomes quiescent fires 30,000 times in a
+second, so the bound ends it after about a minute."""
 FRAMES_MAX = 200_000
-"""Likewise frames that carry facts, goals, actions or news of them: each costs as much as ten firings."""
+"""Program frames of one run (facts, goals, actions, their results); each robot adds 1 % (`most`). A frame costs as much
+as ten firings."""
 TURN_MIN: Duration = milliseconds(10)
-"""A slot has a length even if actions take no time: the grid of instants in schedules."""
+"""Least length of a slot, for actions that take no time: the resolution of schedules."""
 LOOK_EVERY = 256
-"""Calls between two looks at whether the run is to stop, and at how it is getting on."""
+"""Calls between two polls of the caller: progress, and whether the run is to stop."""
 UNDELIVERED_MAX = 64
-"""Kinds of things that could not be delivered of which the run keeps the names; the report counts them all."""
+"""Distinct delivery failures whose names are kept; the report counts all of them."""
 REPEATS_MAX = 64
-"""Rules that repeat themselves of which the run keeps the places."""
+"""Rules in livelock whose places are kept."""
 RANGE_M = 1.0
-"""What `range(R, B, D)` says of every robot in range: robots without bodies are nowhere."""
+"""Distance D of every fact `range(R, B, D)`: robots without bodies have no position."""
 
 ABOUT_SCHEDULES = frozenset({"asks", "slotted", "slot_lost", "entered", "left", "scheduled", "leads"})
 ABOUT_FRAMES = frozenset({"repeated", "delivered", "malformed", "other_program"})
-"""Notes that tell of no event of the program."""
+"""Kinds of notes that are no events of the program: they do not count as the last event."""
 
 Note = dict[str, Any]
 Sink = Callable[[Sequence[Note]], None]
-"""Takes what was noted, in order of time."""
+"""Receives notes in order of time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Under which the robots run."""
+    """The conditions of a run: robots, topology, radio, actions and deaths."""
 
     robots: Mapping[int, None]
     """Their ids, ascending."""
@@ -79,7 +80,7 @@ class Conditions:
     loss: float = 0.0
     latency: Duration = LATENCY
     action_time: Duration = 0
-    """Of the actions that `action_times` does not name."""
+    """Duration of the actions that `action_times` does not name."""
     action_times: Mapping[str, Duration] = field(default_factory=dict)
     deaths: tuple[Death, ...] = ()
     """In order of time."""
@@ -87,7 +88,7 @@ class Conditions:
 
 
 class Hosted:
-    """A node with its link and its place in the heap of calls."""
+    """A node with its link and its entry in the event heap."""
 
     def __init__(self, ensemble: "Ensemble", robot: int) -> None:
         self.robot = robot
@@ -98,32 +99,32 @@ class Hosted:
         self.idle = False
         self.alive = True
         self.past: list[dict[str, Any]] = []
-        """The parts of the report of the nodes before this one."""
+        """Report parts of the robot's earlier incarnations."""
         self.firings = 0
-        """Of the present node."""
+        """Firings of the present node."""
         self.last_rule: str | None = None
-        """Where the rule stands that was seen to fire last."""
+        """Place of the last rule that was traced as fired."""
 
     def start(self, now: Instant) -> None:
-        """Give the node its facts and have it called."""
+        """Start the node with its facts and schedule its first call."""
         self.node.start(now)
         self._alarm.set(now)
 
     def insert(self, now: Instant, name: str, args: tuple[Value, ...]) -> None:
-        """Let a fact come from outside; what comes of it shows when the node is called."""
+        """Insert a fact from outside; its consequences follow in the node's next call, scheduled for `now`."""
         self.node.insert(now, name, args)
         self._ensemble.note_idle(self, False)
         self._alarm.set(now)
 
     def kill(self) -> None:
-        """End the process: nothing of it is called or answers any more."""
+        """Kill the robot's process: it is not called and does not answer any more."""
         self.alive = False
         self._alarm.set(NEVER)
         self._ensemble.ether.switch_off(self._link)
-        self._ensemble.note_idle(self, True)
+        self._ensemble.note_idle(self, True)  # a dead robot must not keep the run from quiescence
 
     def restart(self, now: Instant) -> None:
-        """Begin a new life, with the facts of the beginning."""
+        """Start a new incarnation with the initial facts; its epoch distinguishes its frames from earlier ones."""
         self.past.append(past_life(self))
         self.alive = True
         self.firings = 0
@@ -133,7 +134,7 @@ class Hosted:
         self.start(now)
 
     def look_around(self, now: Instant) -> None:
-        """Have the node called: who is in range has changed."""
+        """Schedule a call of the node: its neighbours have changed."""
         if self.alive:
             self._ensemble.note_idle(self, False)
             self._alarm.set(now)
@@ -143,24 +144,24 @@ class Hosted:
             return
         self.node.tick(now)
         self._ensemble.looked_at(self)
-        self._alarm.set(max(self.node.next_wake, now + 1))
+        self._alarm.set(max(self.node.next_wake, now + 1))  # later than now: virtual time must advance
 
 
 class Ensemble:
     """All robots of one evaluation."""
 
     def __init__(self, program: Program, given: Given, conditions: Conditions, sink: Sink | None = None) -> None:
-        """`sink` gets what the robots note, if somebody wants it."""
+        """`sink` receives the robots' notes; None: no trace."""
         self.program = program
         self.conditions = conditions
         self.kernel = Kernel()
         self.firings = 0
         self.happened: Instant = 0
-        """When the last thing happened."""
+        """Instant of the last event."""
         self.outstanding: list[Insertion | Death] = sorted(
             (*conditions.deaths, *given.insertions), key=lambda each: each.at
         )
-        """Events from outside that are yet to come."""
+        """Future events from outside, in order of time."""
         self.unheard: list[tuple[int, str]] = []
         """(robot, --insert) of facts that came while the robot was dead."""
         self.undelivered: dict[tuple[int, int, str, str], None] = {}
@@ -172,7 +173,7 @@ class Ensemble:
         self._stopping = False
         self.acting = Acting(program, conditions.action_times, conditions.action_time, given.failing)
         self.changes = 0
-        """How often a robot has been killed or started again."""
+        """Number of deaths and restarts: the version of the neighbourhoods that nodes cache."""
         self._facts = facts_by_owner(given.facts)
         self._edges = None if given.edges is None else program.predicates[given.edges].name
         self.ether = EvalEther(
@@ -215,7 +216,7 @@ class Ensemble:
 
     @property
     def quiescent(self) -> bool:
-        """Whether nothing is left to do."""
+        """Whether all robots are idle, no program frame is under way and no event from outside is to come."""
         return not (self.busy or self.ether.pending or self.outstanding)
 
     @property
@@ -226,23 +227,23 @@ class Ensemble:
 
     @property
     def now(self) -> Instant:
-        """How far the run has come."""
+        """The present instant of virtual time."""
         return self.kernel.now
 
     @property
     def messages(self) -> Messages:
-        """What was on the air."""
+        """Counts of the frames on the air."""
         return self.ether.messages
 
     @property
     def frames(self) -> int:
-        """How many frames were about something that the program says."""
+        """Number of program frames."""
         return self.ether.carried
 
     def run(self, until: Instant, look: Callable[[], None] = lambda: None) -> bool:
         """Run to quiescence, or to `until` (included) at the latest; return whether it became quiescent.
 
-        `look` is called now and then. `stop`, and a run that fires without end, end it earlier.
+        `look` is called every `LOOK_EVERY` calls. `stop`, and the bounds on firings and frames, end the run earlier.
         """
         for event in self.outstanding:
             happen = partial(self._befall, event) if isinstance(event, Death) else partial(self._insert, event)
@@ -263,22 +264,22 @@ class Ensemble:
         """End the run after the present call."""
         self._stopping = True
 
-    # ---- what is told
+    # ---- report
 
     def entries(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield what the report says of each robot."""
+        """Yield each robot with its part of the report."""
         return ((robot, entry(hosted)) for robot, hosted in self.robots.items())
 
     def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
-        """Yield the robots that are not idle, with what each has yet to do."""
+        """Yield the robots that are not idle, each with its outstanding work."""
         return ((robot, outstanding(hosted)) for robot, hosted in self.robots.items() if not hosted.idle)
 
     def warnings(self) -> tuple[Iterator[str], ...]:
-        """Return what is to be said beside the report, by kind."""
-        told = undelivered(self), unheard(self), dropped(self), repeating(self), unmatched(self)
-        return *told, slowed(self), omitted(self)
+        """Return the warnings of the run, by kind."""
+        common = undelivered(self), unheard(self), dropped(self), repeating(self), unmatched(self)
+        return *common, slowed(self), omitted(self)
 
-    # ---- inside
+    # ---- events
 
     def _insert(self, insertion: Insertion, now: Instant) -> None:
         del self.outstanding[0]
@@ -300,6 +301,7 @@ class Ensemble:
             hosted.restart(now)
         else:
             hosted.kill()
+        # Provided facts such as neighbor/2 name living robots only: the neighbours must update theirs.
         for robot in self.conditions.topology.neighbors(death.robot):
             self.robots[robot].look_around(now)
         if self._sink is not None:
@@ -307,7 +309,7 @@ class Ensemble:
             self._sink([{"t": round(in_seconds(now), 6), "robot": death.robot, "what": "fault", "fault": fault}])
 
     def looked_at(self, hosted: Hosted) -> None:
-        """Take over what a robot has noted and done, and whether it is idle now."""
+        """Collect a robot's firings, notes and idleness after a call."""
         node = hosted.node
         self.note_idle(hosted, not node.outstanding)
         fired = node.machine.firings - hosted.firings
@@ -320,7 +322,7 @@ class Ensemble:
             node.trace_log.clear()
 
     def note_idle(self, hosted: Hosted, idle: bool) -> None:
-        """Note whether a robot is idle."""
+        """Update whether a robot is idle, and the number of busy robots."""
         if idle != hosted.idle:
             self.busy += -1 if idle else 1
             hosted.idle = idle
@@ -347,12 +349,12 @@ class Ensemble:
 
 
 def most(count: int, robots: int) -> int:
-    """Return a bound of a run with so many robots: `count` and a hundredth more for each."""
+    """Return the bound of a run: `count` plus 1 % of it for each of `robots` robots, rounded up."""
     return -(-count * (100 + robots) // 100)
 
 
 class _Neighbors:
-    """(robot, metres) of the living in range of one robot, worked out when somebody asks."""
+    """The living robots in range of one robot, as (robot, metres): computed on demand, cached until a death."""
 
     def __init__(self, ensemble: Ensemble, robot: int) -> None:
         self._ensemble = ensemble

@@ -36,7 +36,7 @@ COORDINATION_LAST = 0x0F
 """First octets up to this belong to coordination (`rmr.node.payloads`)."""
 
 Lost = Callable[[Instant, int, int, bytes], None]
-"""Told of every lost frame: when it was sent, its source, whom it did not reach, its payload."""
+"""Callback for a lost frame: (instant of sending, source, destination that it did not reach, payload)."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ class EtherLink:
         """Whether the robot lives."""
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
-        """Send a frame; only of coordination's unicasts the outcome is told, for nobody else asks for it."""
+        """Send a frame; outcomes are reported for unicasts of coordination alone, for nothing else uses them."""
         self._ether.send(self, payload, destination, handle)
 
     def receive(self) -> list[Received]:

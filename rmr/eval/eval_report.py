@@ -1,4 +1,4 @@
-"""What is told of a run: the report, and in words what still went on at its end."""
+"""The report of a run, and messages about the work still outstanding at its end."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DIED = "died"
 """The `cause` of a job that its robot's death has left undecided."""
 REASONS_MAX = 8
-"""Reasons why a run did not become quiescent that are told; thousands of robots may have the same."""
+"""Reasons listed why a run did not become quiescent; thousands of robots may have the same one."""
 
 
 class HostedNode(Protocol):
@@ -58,7 +58,7 @@ class NodeRun(Protocol):
 
 
 class Run(Protocol):
-    """A run, whatever carries it out."""
+    """The interface of a run, by nodes (`Ensemble`) or in columns."""
 
     firings: int
     busy: int

@@ -1,9 +1,9 @@
-"""What an evaluation is given: the program, and facts from outside of it.
+"""Inputs of an evaluation: the program, and facts from outside of it.
 
-Facts come from outside in three ways: a file of facts, `--edges` (who is in range of whom), and `--insert` (events at
-their instants). The compiler is told of their predicates beforehand, for that decides what an undeclared one is; their
-values are checked against the finished program, source or byte-code alike. What is wrong with a file is a diagnostic
-as in a program; what is wrong with an option is an `OptionError`.
+Facts from outside come from a file of facts, `--edges` (neighbourhoods) and `--insert` (events at instants). Their
+predicates are passed to the compiler first, for they decide the kind of an undeclared predicate. Their values are
+checked against the compiled program, source or byte-code alike. A mistake in a file is a diagnostic as in a program; a
+mistake in an option is an `OptionError`.
 """
 
 import re
@@ -29,7 +29,7 @@ from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, Mark
 
 EDGE_FACTS_MAX = 1_000_000
-"""Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""
+"""Facts about neighbours and peers, over all robots; more take gigabytes, and minutes before the run starts."""
 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 _FAILING = re.compile(r"(?P<action>[a-z][A-Za-z0-9_]*|.*\))(?:@(?P<number>[0-9]{1,9}))?", re.ASCII | re.DOTALL)
@@ -46,7 +46,7 @@ class Insertion:
     at: Instant
     fact: InitialFact
     text: str
-    """As the option says it."""
+    """Text of the option."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +61,15 @@ class FactsFile:
 
 @dataclass(frozen=True, slots=True)
 class Failing:
-    """Which actions are to fail: a `--fail`."""
+    """The actions that one `--fail` makes fail."""
 
     action: str
     patterns: tuple[Pattern, ...]
-    """Of the executor and the arguments."""
+    """Patterns of the executor and the arguments."""
     number: int | None
-    """Which of those that match, counted from 1 as they begin; None: all."""
+    """Number of the matching action that fails, from 1 in the order of their starts; None: all fail."""
     text: str
-    """As the option says it."""
+    """Text of the option."""
 
 
 NO_FACTS = FactsFile(SourceText("", ""))
@@ -77,7 +77,7 @@ NO_FACTS = FactsFile(SourceText("", ""))
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What the command line asks for, as far as the program must be known to judge it."""
+    """The options whose check needs the program."""
 
     program: Path | SourceText
     """Its file, or its text."""
@@ -91,7 +91,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What robots run and what they are given."""
+    """The checked program and facts of an evaluation."""
 
     program: Program | None
     """None if there are errors."""
@@ -99,12 +99,12 @@ class Given:
     """Identity of the program in messages between robots."""
     facts: tuple[InitialFact, ...]
     edges: int | None
-    """The predicate that says who is in range of whom."""
+    """Index of the predicate of `--edges`."""
     insertions: tuple[Insertion, ...]
     """In order of time, then as they were given."""
     failing: tuple[Failing, ...]
     checked: tuple[Compilation, ...]
-    """What there is to say of program and facts; errors and warnings."""
+    """Diagnostics of the program and of the file of facts."""
 
 
 def read_given(wanted: Wanted) -> Given:
@@ -130,9 +130,10 @@ def read_given(wanted: Wanted) -> Given:
         _check_timed(name, program)
     predicate = None if wanted.edges is None else _edges(wanted.edges, program)
     failed = bool(compilation.errors or checked.errors)
+    # Without the debug section: the same program compiled elsewhere must have the same identity.
     digest = 0 if failed else codec.digest(codec.encode(program, debug=False))
-    told = (compilation, checked)
-    return Given(None if failed else program, digest, facts, predicate, tuple(insertions), failing, told)
+    both = (compilation, checked)
+    return Given(None if failed else program, digest, facts, predicate, tuple(insertions), failing, both)
 
 
 # ---- the program
@@ -152,9 +153,9 @@ def _compile(path: Path | SourceText, given: dict[str, bool]) -> Compilation:
 
 
 def _bytecode(path: Path) -> bytes | None:
-    """Return the octets of `path` if it is to be byte-code, by its name or its first octets; else None.
+    """Return the octets of `path` if its name or its first octets mark it as byte-code; else None.
 
-    Of a file that is too large there are more than byte-code may have.
+    At most `SIZE_MAX` octets and the magic number are read: enough for the decoder to reject a file that is too large.
     """
     try:
         with path.open("rb") as stream:
@@ -163,7 +164,7 @@ def _bytecode(path: Path) -> bytes | None:
                 return None
             return head + stream.read(SIZE_MAX)
     except (OSError, ValueError):
-        return None  # the compiler says what is the matter with the file
+        return None  # the compiler reports why the file cannot be read
 
 
 def _arriving(facts: Sequence[FactNode]) -> dict[str, bool]:
@@ -196,7 +197,7 @@ def _read_facts(path: Path) -> FactsFile:
 
 
 def _check_file(file: FactsFile, program: Program) -> tuple[tuple[InitialFact, ...], Compilation]:
-    """Return the file's facts, and what is wrong with them as facts of `program`."""
+    """Return the file's facts, and the diagnostics of the file against `program`."""
     found = Diagnostics()
     facts: list[InitialFact] = []
     for fact in file.facts:
@@ -212,7 +213,7 @@ def _as_compilation(file: FactsFile) -> Compilation:
     return Compilation(file.source, None, list(file.problems), file.unreadable)
 
 
-# ---- options that speak of the program
+# ---- options checked against the program
 
 
 def _inserted(text: str) -> tuple[Instant, FactNode, str]:
@@ -267,11 +268,11 @@ def _edges(name: str, program: Program) -> int:
     return index
 
 
-# ---- who gets what
+# ---- facts of each robot
 
 
 def check_size(given: Given, program: Program, topology: Topology, robots: Collection[int]) -> None:
-    """Raise OptionError if the robots would be told of each other in more facts than fit."""
+    """Raise OptionError if facts about neighbours and peers would exceed `EDGE_FACTS_MAX`."""
     in_range = sum(topology.degree(robot) for robot in robots)
     there = len(robots) * (len(robots) - 1)
     named = {"neighbor": in_range, "range": in_range, "peer": there}
@@ -298,7 +299,7 @@ def values(fact: InitialFact, robot: int) -> tuple[Value, ...]:
 
 
 def strangers(given: Given, program: Program, robots: Collection[int]) -> Iterator[tuple[str, int]]:
-    """Yield (predicate, robot) of what is stated for robots that are not there, each once."""
+    """Yield (predicate, robot), each once, of the facts and goals stated for robots that do not exist."""
     stated_items: list[InitialFact | InitialGoal] = [*program.facts, *program.goals, *given.facts]
     stated_items += [insertion.fact for insertion in given.insertions]
     found = {(program.predicates[each.predicate].name, each.owner): None for each in stated_items}

@@ -1,4 +1,4 @@
-"""Who is in radio range of whom.
+"""Topology: the pairs of robots that are in radio range of each other.
 
 A topology is a symmetric relation between robots, never of a robot with itself. The complete one is never spelt out:
 ten thousand robots would have fifty million pairs. The others are neighbours by robot, in ascending order, so that a
@@ -24,7 +24,7 @@ Pair = tuple[int, int]
 
 
 class Topology(Protocol):
-    """Who is in range of whom."""
+    """The neighbourhood relation of the robots."""
 
     def neighbors(self, robot: int) -> Collection[int]:
         """Return the robots in range of `robot`, in ascending order."""

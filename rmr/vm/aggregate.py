@@ -1,8 +1,8 @@
-"""What an aggregate makes of the values of its matches (paper III.D's comprehensions, folded to one value).
+"""Aggregates: folds of the values of a body's matches into one value (paper III.D's comprehensions).
 
-The values come in the order of the matches, oldest first. A sum is an int as long as ints alone are added, and
-then exact whatever its parts add up to on the way. Of equal values the oldest is the smallest and the largest;
-it keeps its type, be it an int among floats.
+The values come in the order of the matches, oldest first. A sum of ints is an int; it is exact, for only the total must
+be in range, not the partial sums. Among equal values the oldest is both the minimum and the maximum, and keeps its type
+(1 and 1.0 are equal).
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ FOLDS: dict[Operator, Callable[[list[Value]], Value]] = {
     Operator.SUM: _sum,
     Operator.COLLECT: lambda values: built(tuple(values)),
 }
-"""One value of all; NoValue if it is out of range. MIN and MAX choose a match: `better`."""
+"""Folds by operator; each raises NoValue if its result is out of range. MIN and MAX select a match: `better`."""
 
 
 def better(operator: Operator, value: Value, best: Value | None) -> bool:
-    """Tell whether `value` takes the place of the `best` so far. Raises NoValue for values without an order."""
+    """Return whether `value` replaces the `best` so far. Raises NoValue for values without an order."""
     if best is None:
-        less(value, value)
+        less(value, value)  # raises for a single value without an order, as it would with two
         return True
     return less(value, best) if operator is Operator.MIN else less(best, value)

@@ -1,13 +1,17 @@
-"""Time assertions at work: jobs and the queue of their deadlines (paper III.E, V.B.3).
+"""Run-time monitoring of time assertions: jobs and the priority queue of their deadlines (paper III.E, V.B.3).
 
-A fact that matches S starts a job that waits for F under S's bindings. A later S for the same F starts that
-job anew, with its own D: the paper measures "since the last time". Once its deadline has passed a job is
-missed for ever; a late F still fills in its finish, but an S after the miss opens a new job, to which that F
-then belongs. The queue is sorted by deadline, then serial; entries of jobs that have ended or started anew are
-recognised and dropped when they come up.
+An assertion has a start pattern S, a finish pattern F and a deadline D. A fact that matches S starts a job, which waits
+for F under S's bindings. A later S for the same F restarts the job with its own D: the paper measures "since the last
+time".
 
-If F is another robot's, that robot is asked to report it (its side is watches.py), and the job ends by the news,
-as of the instant at which F was inserted there. News that comes after the deadline does not undo the miss.
+A job whose deadline has passed stays missed. A late F still fills in its finish. An S after the miss opens a new job,
+to which a later F belongs.
+
+The queue is a heap sorted by deadline, then serial. Deletion is lazy: an entry of a job that has ended or restarted is
+dropped when it comes to the front.
+
+If F belongs to another robot, that robot is asked to report it (`rmr.vm.watches`). The report ends the job as of the
+instant at which F was inserted there. A report after the deadline does not undo the miss.
 """
 
 from collections.abc import Iterator
@@ -30,13 +34,13 @@ JOBS_MAX = 1024
 """Jobs remembered for the report; beyond that the oldest are forgotten."""
 
 LIVE_MAX = 256
-"""Jobs that wait for their finish fact; beyond that the oldest is given up and counted."""
+"""Jobs that wait for their finish fact; beyond that the oldest one is dropped and counted."""
 
 Key = tuple[int, Robot, object]
-"""An assertion, its finish fact's robot and arguments."""
+"""Identity of a live job: the assertion, its finish fact's robot and arguments."""
 
 Entry = tuple[Instant, int, int, TimedJob]
-"""Of the queue: deadline, the job's serial, the number of the entry, the job."""
+"""Entry of the deadline queue: deadline, the job's serial, the number of the entry, the job."""
 
 
 class Assertions:
@@ -80,11 +84,12 @@ class Assertions:
         self._serial = 0
         self._pushed = 0
         self._undecided: dict[int, int] = {}
-        """By serial, the jobs whose deadline may come: the number of the entry that holds it."""
+        """By job serial, for each job neither finished nor missed: the number of its valid queue entry."""
         self._mine = mine
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[VmEvent]:
-        """Return what a fact's insertion brought about: it ends jobs before it starts one."""
+        """Return the events of a fact's insertion: it ends jobs before it starts one."""
+        # Ended first: where S and F are the same pattern, a fact ends the job of the fact before it and starts its own.
         ended = [key for key, job in self._live.items() if not job.remote and self._ends(job, predicate, args)]
         events: list[VmEvent] = [self._finish(now, key) for key in ended]
         for index, assertion in self._mine:
@@ -96,9 +101,9 @@ class Assertions:
         return events
 
     def seen(self, source: int, index: int, args: Args, at: Instant) -> list[VmEvent]:
-        """Return what the news of another robot's finish fact, inserted at `at`, brought about.
+        """Return the events of a report that robot `source` inserted a finish fact at `at`.
 
-        It belongs to the job that ran at the time; none may have, or it has started anew since.
+        The report belongs to the job that was running at `at`. There is none if the job has restarted since.
         """
         predicate = self._program.assertions[index].finish.predicate
 
@@ -109,6 +114,7 @@ class Assertions:
         ended = [key for key, job in self._live.items() if waited(job)]
         if ended:
             return [self._finish(at, key) for key in ended]
+        # A job that is no longer live was missed or displaced: the report completes its record (`TimedJob.cause`).
         missed = next((job for job in reversed(self.jobs) if waited(job)), None)
         if missed is None:
             return []
@@ -120,7 +126,7 @@ class Assertions:
         missed = []
         while self.due <= until:
             job = heappop(self._queue)[-1]
-            del self._undecided[job.serial]
+            del self._undecided[job.serial]  # it stays live: a late finish fact is still recorded
             job.missed = True
             missed.append(job)
             self._settle()
@@ -139,21 +145,21 @@ class Assertions:
         )
 
     def _ends(self, job: TimedJob, predicate: int, args: Args) -> bool:
-        """Tell whether a fact of the right robot is the one for which a job waits."""
+        """Return whether a fact of the finish robot matches the job's finish pattern."""
         finish = self._program.assertions[job.assertion].finish
         return finish.predicate == predicate and pattern_agrees(finish.args, args, job.bindings)
 
     def _start(
         self, now: Instant, index: int, assertion: Assertion, bindings: Bindings, args: Args
     ) -> Iterator[VmEvent]:
-        """Start a job, or start anew the one that waits for the same fact."""
+        """Start a job, or restart the one that waits for the same fact."""
         try:
             deadline = due_at(now, assertion, bindings)
             finisher = robot_of(assertion.finisher, bindings)
             if finisher is None:
                 raise NoValue("a finish fact of something that is no robot")
         except NoValue as reason:
-            self._failures.tell(now, f"start of assertion {assertion.name}", str(reason))
+            self._failures.report(now, f"start of assertion {assertion.name}", str(reason))
             return
         finish = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
         key = (index, finisher, key_of(finish))
@@ -164,7 +170,7 @@ class Assertions:
         job.deadline = deadline
         job.bindings = bindings
         self._pushed += 1
-        self._undecided[job.serial] = self._pushed
+        self._undecided[job.serial] = self._pushed  # which invalidates the entry of an earlier start
         heappush(self._queue, (deadline, job.serial, self._pushed, job))
         self._settle()
         yield JobStarted(job)
@@ -191,7 +197,7 @@ class Assertions:
             bindings=bindings,
             finisher=finisher,
         )
-        self._live.pop(key, None)
+        self._live.pop(key, None)  # a missed job for the same fact
         if len(self._live) >= LIVE_MAX:
             self._undecided.pop(self._live.pop(next(iter(self._live))).serial, None)
             self._dropped.add("jobs", LIVE_MAX, now)
@@ -207,15 +213,16 @@ class Assertions:
         return JobFinished(job)
 
     def _holds(self, assertion: Assertion, bindings: Bindings) -> bool:
-        """Tell whether F is persistent or sensed and holds."""
+        """Return whether F is persistent or sensed and holds: then the job finishes as it starts."""
         finish = assertion.finish
         return self._program.predicates[finish.predicate].kind is not Kind.TEMPORARY and any(
             pattern_agrees(finish.args, args, bindings) for args in self._holdings.each(finish.predicate)
         )
 
     def _settle(self) -> None:
-        """Drop outdated entries from the head of the queue, and all of them when they are the most."""
+        """Drop outdated entries from the head of the queue, and all of them once the queue is long."""
         queue = self._queue
+        # At most LIVE_MAX entries are valid, so at least three quarters are outdated: amortised O(1) for each push.
         if len(queue) > 4 * LIVE_MAX:
             queue[:] = [entry for entry in queue if self._counts(entry)]
             heapify(queue)
@@ -224,13 +231,13 @@ class Assertions:
         self.due = queue[0][0] if queue else NEVER
 
     def _counts(self, entry: Entry) -> bool:
-        """Tell whether a queue entry is the deadline of a job that is still undecided; each such job has one."""
+        """Return whether a queue entry is the valid one of a job that is neither finished nor missed."""
         _, serial, number, _ = entry
         return self._undecided.get(serial) == number
 
 
 def pattern_text(pattern: Pattern) -> str:
-    """Return a pattern in program syntax; what is free is ``_``."""
+    """Return a pattern in program syntax; a free argument is ``_``."""
     return format_value(pattern.value) if isinstance(pattern, Constant) else "_"
 
 
@@ -240,7 +247,7 @@ def goal_text(name: str, robot: Robot, args: tuple[Pattern, ...]) -> str:
 
 
 def due_at(now: Instant, assertion: Assertion, bindings: Bindings) -> Instant:
-    """Return the deadline of a job that starts now; a negative D is due at once.
+    """Return the deadline of a job that starts now, in nanoseconds; a D of 0 s or less is due at once.
 
     Raises:
         NoValue: D is no number of seconds.
@@ -251,5 +258,5 @@ def due_at(now: Instant, assertion: Assertion, bindings: Bindings) -> Instant:
     if value <= 0:
         return now
     if value * NS_PER_S >= NEVER - now:
-        return NEVER - 1
+        return NEVER - 1  # before NEVER, which means that nothing is due
     return now + round(value * NS_PER_S)

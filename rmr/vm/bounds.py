@@ -1,7 +1,7 @@
-"""What does not fit: all that a robot keeps is bounded by name; what comes beyond is dropped, counted, told once.
+"""Counters of dropped data: each collection of a robot has a named bound; the excess is dropped and counted.
 
-A program that makes ever more facts, goals or chains thus costs one robot some of its own program, and never
-its memory or its pace. Each bound stands with what it bounds.
+So a program that makes ever more facts, goals or chains degrades its own behaviour, but never exhausts the robot's
+memory or time. Each bound is defined beside the collection that it limits.
 """
 
 from typing import TypeVar
@@ -13,14 +13,14 @@ T = TypeVar("T")
 
 
 def remember(items: list[T], item: T, bound: int) -> None:
-    """Append `item`; the oldest goes where it would be one more than `bound`."""
+    """Append `item`; drop the oldest item if there would be more than `bound`."""
     if len(items) >= bound:
         del items[0]
     items.append(item)
 
 
 NOTHING: dict[str, int] = {}
-"""What has been dropped as a rule; nobody writes into it."""
+"""Counters of a machine that has dropped nothing: one empty dict for all, never written to."""
 
 
 class Dropped:
@@ -34,8 +34,8 @@ class Dropped:
         self._events = events
 
     def add(self, what: str, bound: int, now: Instant) -> None:
-        """Note that one more did not fit."""
+        """Count one dropped thing of the kind `what`, and report the first."""
         if what not in self.counts:
             self._events.append(BoundReached(what, bound, now))
-            self.counts = {**self.counts, what: 0}
+            self.counts = {**self.counts, what: 0}  # a copy: `NOTHING` is shared
         self.counts[what] += 1

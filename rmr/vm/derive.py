@@ -1,10 +1,12 @@
-"""What a match derives (paper III.D), worked out without changing anything.
+"""Evaluation of a rule's head: the consumed facts and derived items of one match (paper III.D), without side effects.
 
 The head's own facts, goals and actions are evaluated with the match's bindings; so are all the steps of
-``a(R) then b(R)``. Each comprehension and aggregate, left to right, is matched against the facts as they stand
-after the body and those before it have consumed theirs; each of its matches takes its temporary facts, the
-oldest first, so that none serves two. What an expression without value would derive is left out: of a
-comprehension the one match, of an aggregate the one match whose term it is, else the firing.
+``a(R) then b(R)``. Comprehensions and aggregates are matched left to right. Each sees the facts that the body and the
+comprehensions before it have not consumed. Each of its matches consumes its temporary facts, the oldest first, so no
+fact serves two matches.
+
+An expression without value leaves something out: in a comprehension's item that match, in an aggregate's term that
+match, elsewhere the whole firing.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -34,20 +36,22 @@ from rmr.bytecode.program import (
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import Scope
 from rmr.vm.aggregate import FOLDS, better
-from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.match import Env, Found, Plan, Search, consumed_places, plan
 from rmr.vm.store import Fact, Store
+from rmr.vm.type_checks import TypeChecks, check_types, type_checks
 
 OnFailure = Callable[[int, int, Sequence[Fact], str], None]
-"""Told (part of the rule, step of it, facts matched, reason) when an expression has no value."""
+"""Callback for an expression without value: (part of the rule, step of that part, facts matched, reason)."""
 
 MATCHES_MAX = 100_000
-"""Matches of the comprehensions and aggregates of one firing, each as often as it derives something: a robot can hold
-no more facts, and a firing, which is atomic, must not take minutes and gigabytes. With more the rule does not fire."""
+"""Bound on the matches of the comprehensions and aggregates of one firing, weighted by the items that each derives.
+
+A robot can hold no more facts than that, and a firing, which is atomic, must not take minutes and gigabytes. A rule
+that exceeds the bound does not fire."""
 
 HEAD_PART = -1
-"""The part of a rule that the head's own expressions are; comprehensions and aggregates have their place in it."""
+"""Part number of the head's own expressions in failure reports; comprehensions and aggregates have their place."""
 
 T = TypeVar("T")
 
@@ -71,11 +75,11 @@ class Derived(NamedTuple):
 
 
 Chain = tuple[Derived, ...]
-"""Items of which each is derived when the one before it is complete; mostly it is one."""
+"""Steps in sequence (``then``): each is derived when the one before it is complete. Most chains have one step."""
 
 
 class FiringEffect(NamedTuple):
-    """All that a firing does."""
+    """The effect of one firing."""
 
     consumed: list[Fact]
     derived: list[Chain]
@@ -91,14 +95,14 @@ _ROLES: dict[type, DerivedKind] = {
 
 
 class PlannedItem(NamedTuple):
-    """An item of a head, with what its text leaves in doubt."""
+    """An item of a head, with its run-time type checks."""
 
     item: Item
-    doubts: Doubts
+    checks: TypeChecks
 
 
 Planned = tuple[PlannedItem, ...]
-"""Items of which each is derived when the one before it is complete; mostly it is one."""
+"""The steps of a `Chain` before evaluation."""
 
 
 class Inner(NamedTuple):
@@ -107,13 +111,13 @@ class Inner(NamedTuple):
     head: Comprehension | Aggregate
     steps: Plan
     taken: tuple[int, ...]
-    """Which of a match's facts are consumed."""
+    """Places of the consumed facts among those of a match."""
     items: Planned
-    """What each match of a comprehension derives, or an aggregate."""
+    """Items that each match of a comprehension, or the whole aggregate, derives."""
 
 
 class PlannedRule:
-    """A rule with its bodies planned; shared by all robots of a program, changed by nobody."""
+    """A rule with its bodies planned: immutable, shared by all robots of a program."""
 
     __slots__ = ("head", "slots", "steps", "taken")
 
@@ -134,7 +138,7 @@ class PlannedRule:
     def derive(
         self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure
     ) -> FiringEffect | None:
-        """Return what the match `found` with `env` derives; None if an expression of the head has no value."""
+        """Return the effect of the match `found` with slots `env`; None if an expression of the head has no value."""
         firing = _Firing(store, env, found, now, on_failure, self.taken)
         for part, item in enumerate(self.head):
             try:
@@ -146,7 +150,7 @@ class PlannedRule:
 
 
 class _Firing:
-    """What one match derives, in the making."""
+    """Accumulator of one firing's effect."""
 
     def __init__(
         self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
@@ -158,10 +162,10 @@ class _Firing:
         self._now = now
         self._on_failure = on_failure
         self._matches = 0
-        """Of comprehensions and aggregates so far, each as often as it derives something."""
+        """Matches of comprehensions and aggregates so far, weighted by the items that each derives (`MATCHES_MAX`)."""
 
     def add(self, part: int, item: Planned | Inner) -> None:
-        """Add what the head says at its place `part`. Raises NoValue."""
+        """Add the effect of the head's item at place `part`. Raises NoValue."""
         if not isinstance(item, Inner):
             self.result.derived.append(tuple([self._value(step, self._env) for step in item]))
         elif isinstance(item.head, Comprehension):
@@ -179,9 +183,10 @@ class _Firing:
         values = self._each(part, inner, lambda env: evaluate(term, env, self._now) if term is not None else 1)
         if aggregate.operator in (Operator.MIN, Operator.MAX):
             best: Env | None = None
+            # MIN and MAX keep the slots of the match with the extreme value: the head may name them (the witness).
             for env, value in values:
                 if better(aggregate.operator, value, None if best is None else best[result]):
-                    best = env.copy()
+                    best = env.copy()  # `env` is reused by the search
                     best[result] = value
             return best
         outer = self._env.copy()
@@ -189,12 +194,14 @@ class _Firing:
         return outer
 
     def _each(self, part: int, inner: Inner, work: Callable[[Env], T]) -> Iterator[tuple[Env, T]]:
-        """Yield what `work` makes of each match of an inner body; the match's temporary facts are taken for it.
+        """Yield the slots of each match of an inner body and the value of `work` for it; consume its temporary facts.
 
-        Raises NoValue if there are too many.
+        Raises NoValue if there are too many matches.
         """
         env = self._env.copy()
         consumed = self.result.consumed
+        # Facts consumed before this part are invisible to it. Facts that its own matches take stay visible to ``not``
+        # and ``$``: all matches of one comprehension see the same snapshot.
         gone = {fact.serial for fact in consumed}
         taken: set[int] = set()
 
@@ -202,35 +209,35 @@ class _Firing:
             self._on_failure(part, step, (*self._found, *found), reason)
 
         for found in Search(inner.steps, self._store, env, self._now, failed, gone, taken).matches():
-            self._matches += len(inner.items) or 1
+            self._matches += len(inner.items) or 1  # a match that derives nothing still costs time and memory
             if self._matches > MATCHES_MAX:
                 raise NoValue(f"more than {MATCHES_MAX} matches in one firing")
             try:
                 value = work(env)
             except NoValue as reason:
                 failed(HEAD_PART, found, str(reason))
-                continue
+                continue  # a match without value consumes nothing: its facts may serve a later match
             facts = [found[place] for place in inner.taken]
             taken.update([fact.serial for fact in facts])
             consumed.extend(facts)
             yield env, value
 
     def _value(self, planned: PlannedItem, env: Env) -> Derived:
-        return evaluated(planned.item, env, self._now, planned.doubts)
+        return evaluated(planned.item, env, self._now, planned.checks)
 
 
-def evaluated(item: Item | Effect, env: Sequence[Value], now: Instant, doubts: Doubts) -> Derived:
-    """Return an item of a head, or what an action's end brings about, evaluated. Raises NoValue."""
+def evaluated(item: Item | Effect, env: Sequence[Value], now: Instant, checks: TypeChecks) -> Derived:
+    """Return an item of a head, or an effect of an action, evaluated. Raises NoValue."""
     owner = evaluate(item.owner, env, now)
-    if type(owner) is not Robot:
+    if type(owner) is not Robot:  # an open type may hold any value, and 1 == @1 in Python
         raise NoValue("an owner that is no robot")
     args = tuple([evaluate(code, env, now) for code in item.args])
-    settle(doubts, args)
+    check_types(checks, args)
     return Derived(_ROLES[type(item)], item.predicate, owner, args)
 
 
 def _planned(items: Sequence[Item], predicates: Sequence[Predicate], scope: Scope) -> Planned:
-    return tuple(PlannedItem(item, doubts(item, predicates, scope)) for item in items)
+    return tuple(PlannedItem(item, type_checks(item, predicates, scope)) for item in items)
 
 
 def _inner(head: Comprehension | Aggregate, steps: Plan, predicates: Sequence[Predicate], outer: Scope) -> Inner:
@@ -246,7 +253,7 @@ def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:
     bound = [SELF_SLOT]
     for item in body:
         if isinstance(item, Atom):
-            if item.mode is not Mode.ABSENT:
+            if item.mode is not Mode.ABSENT:  # ``not`` compares, it binds nothing
                 bound.extend(pattern.index for pattern in item.args if isinstance(pattern, Slot))
         elif isinstance(item, Bind):
             bound.append(item.slot)

@@ -1,6 +1,6 @@
-"""Which engine runs a program: the interpreter, which is the specification, or the code made from the program.
+"""Choice of the engine for a program: the interpreter, which is the specification, or code generated from the program.
 
-Both do the same, firing by firing and draw by draw, and say so with the same events.
+Both are equivalent, firing by firing and draw by draw, and emit the same events.
 """
 
 from enum import Enum
@@ -38,4 +38,4 @@ def new_machine(
 _generated: ByIdentity[Program, type[Machine]] = ByIdentity(
     lambda program: machine_of(program) if is_small(program) else Interpreted
 )
-"""Returns the class of a program's machines; what Python does not take is interpreted."""
+"""Returns the class of a program's machines; a program too large for Python's compiler is interpreted."""

@@ -1,7 +1,7 @@
-"""Expressions without value, each told once and with its place (``1 / 0`` in a rule).
+"""Failures of expressions (``1 / 0`` has no value), each reported once with its place.
 
-A match that fails is looked at again whenever its rule is; it is known by its facts. What has failed is forgotten
-when room is needed and its facts are gone.
+A match that fails is found again whenever its rule is matched. It is recognised by its facts, so it is reported once. A
+remembered failure is forgotten when room is needed and one of its facts is gone.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from rmr.vm.machine_events import ExpressionFailed, VmEvent
 from rmr.vm.store import Fact
 
 FAILURES_MAX = 1024
-"""Failures of matches that are remembered; beyond that new ones are counted as dropped and not told."""
+"""Remembered failures of matches; beyond that new ones are counted as dropped and not reported."""
 
 Key = tuple[int, ...]
 
@@ -25,12 +25,12 @@ def rule_place(program: Program, index: int) -> str:
 
 
 class Failures:
-    """What has failed on one robot."""
+    """The failures of one robot."""
 
     __slots__ = ("_dropped", "_events", "_known", "_program", "_wait", "count")
 
     def __init__(self, program: Program, events: list[VmEvent], dropped: Dropped) -> None:
-        """Tell `events`."""
+        """Report failures to `events`."""
         self.count = 0
         self._program = program
         self._events = events
@@ -38,15 +38,15 @@ class Failures:
         self._known: dict[Key, tuple[Fact, ...]] | None = None
         """The failures of matches that are remembered; made with the first."""
         self._wait = 0
-        """How many failures to pass over before room is made again."""
+        """Failures to drop before the next attempt to make room."""
 
-    def tell(self, now: Instant, where: str, reason: str) -> None:
-        """Count and tell a failure."""
+    def report(self, now: Instant, where: str, reason: str) -> None:
+        """Count and report a failure."""
         self.count += 1
         self._events.append(ExpressionFailed(where, reason, now))
 
     def match(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
-        """Count and tell, once, that a `step` in a part of a rule failed for `facts`."""
+        """Count and report, once, that a `step` in a part of a rule failed for `facts`."""
         key = (rule, part, step, *[fact.serial for fact in facts])
         known = self._known
         if known is None:
@@ -57,10 +57,14 @@ class Failures:
             self._dropped.add("failures", FAILURES_MAX, now)
             return
         known[key] = tuple(facts)
-        self.tell(now, rule_place(self._program, rule), reason)
+        self.report(now, rule_place(self._program, rule), reason)
 
     def _make_room(self, known: dict[Key, tuple[Fact, ...]]) -> bool:
-        """Forget failures of which facts are gone; seldom while that leaves many, for it takes as long as there are."""
+        """Forget failures of which a fact is gone; False if that leaves no room.
+
+        A pass takes time in proportion to the failures remembered. After a pass that freed less than half, the next one
+        waits for `FAILURES_MAX` failures, so its cost is amortised.
+        """
         if self._wait:
             self._wait -= 1
             return False

@@ -1,8 +1,8 @@
-"""The engine that robots run: Python made from the program (`rmr.vm.generate`), a state for each machine.
+"""The engine that robots run: Python code generated from the program (`rmr.vm.generate`), and a state for each machine.
 
 It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. This
-module fires rules while each change is reported: while goals are open, because a rank may depend on what a match
-derives, and while changes are traced.
+module is the observed mode, in which each change is reported: while goals are open, because a rank may depend on the
+items that a match derives, and while changes are traced.
 """
 
 from collections.abc import Iterator
@@ -25,15 +25,15 @@ Ranked = tuple[int, Entry, Valued]
 
 
 class Generated(Running):
-    """A machine that runs code made from its program; `machine_of` makes the class for each."""
+    """A machine that runs code generated from its program; `machine_of` makes a subclass for each program."""
 
     __slots__ = ("ranks", "searched")
 
     def __init__(self, program: Program, robot: int, choices: Choices, **options: Any) -> None:
         self.ranks: list[tuple[int, bool]] | None = None
-        """While goals are open: the lowest rank that each rule can have, and whether all its firings have it."""
+        """While goals are open, by rule: the lowest rank of its firings, and whether all of them have it."""
         self.searched: dict[int, Ranked | None] = {}
-        """While goals are open: the match that comes nearest, of the rules whose matches differ in that."""
+        """While goals are open: the best match of each rule whose firings differ in rank."""
         super().__init__(program, robot, choices, **options)
 
     def _goals_changed(self, predicate: int) -> None:
@@ -53,7 +53,7 @@ class Generated(Running):
         self.touched = 0
         lowest = UNRANKED
         best = list[tuple[RulePlan, Ranked | None]]()
-        left = self.ready | stale
+        left = self.ready | stale  # rules by ascending bit: program order, in which failures are reported
         find = self.module.names["FIND"]
         while left:
             bit = left & -left
@@ -91,7 +91,7 @@ class Generated(Running):
         return True
 
     def _rank(self, plan: RulePlan, now: Instant, touched: bool) -> tuple[int, Ranked | None]:
-        """Return the rank of a satisfied rule; with its match if that is not the one that it fires without goals."""
+        """Return the rank of a satisfied rule, and its match unless that is the one that it keeps (the oldest)."""
         if not self.wanting:
             return UNRANKED, None
         if self.ranks is None:
@@ -107,7 +107,7 @@ class Generated(Running):
         return (UNRANKED + 1, None) if ranked is None else (ranked[0], ranked)
 
     def _search(self, plan: RulePlan, now: Instant, nearest: int) -> Ranked | None:
-        """Return the match that comes nearest to a goal; of several the least recently fired, then the oldest."""
+        """Return the match of the best rank; ties are broken by the least recent firing, then by age."""
         self.module.slow(plan.index)
         rotor = self._goals.rotor
         turns = not plan.once and rotor.turns(plan.index)
@@ -141,7 +141,7 @@ class Generated(Running):
         return iter(self._kept(plan, everything=True, now=now))
 
     def _take(self, plan: RulePlan, entry: Entry) -> None:
-        """Take a match out of what its rule keeps: it fires."""
+        """Remove a match that fires from those that its rule keeps."""
         slots = plan.slots
         self.stale |= plan.bit
         self.touched |= plan.bit

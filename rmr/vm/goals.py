@@ -1,10 +1,12 @@
-"""Goals: what the robot wants to hold (paper III.B).
+"""Goals: patterns of facts that a robot is to bring about (paper III.B).
 
-A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it again
-opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an open goal has
-rank 0, one from whose facts k further firings lead to one has rank k (ranks.py), and one from which no open goal
-follows has none; of a rule's matches of one rank a rotor takes each in turn (rotor.py). An action that a firing
-derives counts as its declared effects, as far as they are this robot's.
+A goal is open until its robot inserts a matching fact of any kind; a matching fact that already holds discharges it at
+once. Deriving it again opens it again.
+
+Goals steer the choice among satisfied rules (paper figure 6). A firing that derives an open goal has rank 0. A firing
+from whose facts k further firings lead to an open goal has rank k (`rmr.vm.ranks`). A firing from which no open goal
+follows has no rank. Among a rule's matches of one rank a rotor takes turns (`rmr.vm.rotor`). An action that a firing
+derives counts as those of its declared effects that are facts of this robot.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,14 +26,14 @@ from rmr.vm.rotor import Rotor
 from rmr.vm.store import Args, Holdings
 
 GOALS_MAX = 1024
-"""Open goals; one more is not opened. Every firing is held against them."""
+"""Open goals of one robot; beyond that a goal is dropped. The bound is on time: every firing is compared with them."""
 
 ACHIEVED_MAX = 1024
 """Achievements remembered for the report; beyond that the oldest are forgotten."""
 
 
 GoalArgs = Patterns
-"""Constants, ANY, and slots that stand twice and match the same."""
+"""Patterns of a goal's arguments: constants, ANY, and slots for a variable that occurs twice."""
 
 
 class Goals:
@@ -58,13 +60,13 @@ class Goals:
         self._holdings = holdings
         self._dropped = dropped
         self.open: dict[int, dict[GoalKey, Patterns]] = {}
-        """The goals that are open, by predicate; a predicate without is missing."""
+        """Open goals by predicate; a predicate without open goals is missing."""
         self._count = 0
         self._ranks = Ranks(program, robot, self.open)
         self._achieved: list[tuple[str, float]] = []
         self._achievements = 0
         self.rotor = Rotor(program, events, dropped)
-        """What decides among matches of the same rank."""
+        """Tie-break among a rule's matches of the same rank."""
 
     def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
         """Open a goal, or discharge it at once if a fact holds that matches."""
@@ -77,6 +79,7 @@ class Goals:
             self._count += 1
             self.open.setdefault(predicate, {})[key] = args
             self._ranks.change(key)
+        # A goal that holds is opened and discharged: that it was achieved is part of the report.
         for fact in self._holdings.each(predicate):
             if pattern_agrees(args, fact):
                 return self.inserted(now, predicate, fact)
@@ -109,7 +112,7 @@ class Goals:
         return self._ranks.nearest(rule) if self.open else None
 
     def is_settled(self, rule: int) -> bool:
-        """Tell whether all firings of `rule` have the rank `nearest`, whatever they derive."""
+        """Return whether all firings of `rule` have the rank `nearest`, so that none must be searched for."""
         return not self.open or self._ranks.is_settled(rule)
 
     def leading(self, predicate: int) -> list[int]:
@@ -117,15 +120,15 @@ class Goals:
         return self._ranks.leading(predicate)
 
     def rank(self, rule: int, derived: Iterable[Chain], now: Instant) -> int | None:
-        """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
+        """Return the number of firings from this one to an open goal: 0 if it derives one, None if none follows."""
         return self._ranks.of(rule, (fact for chain in derived for item in chain for fact in self._facts(item, now)))
 
     def fire(self, now: Instant, rule: int, facts: Sequence[Args]) -> None:
-        """Note that a rule, which consumes and has a rank, fires for a match with these facts."""
+        """Record in the rotor that a rule which consumes and has a rank fires for a match with these facts."""
         self.rotor.fire(now, rule, facts, self._achievements)
 
     def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
-        """Yield the facts of this robot that an item of a head is or, being an action, brings about."""
+        """Yield the facts of this robot that an item of a head states, or that the action's effects insert."""
         if item.role is DerivedKind.FACT and item.owner == self._robot:
             yield item.predicate, item.args
         if item.role is not DerivedKind.ACTION:
@@ -136,7 +139,7 @@ class Goals:
                 if evaluate(effect.owner, env, now) == self._robot:
                     yield effect.predicate, tuple([evaluate(code, env, now) for code in effect.args])
             except NoValue:
-                continue
+                continue  # ranking must not report it: the effect reports its failure when the action ends
 
     def _text(self, predicate: int, goal: GoalArgs) -> str:
         return goal_text(self._program.predicates[predicate].name, self._robot, goal)

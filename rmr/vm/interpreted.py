@@ -1,6 +1,6 @@
-"""The engine that is the specification: facts in a store, rules matched as the pages of the language say it.
+"""The reference engine, an executable specification: facts in a store, rules matched as docs/language.md defines it.
 
-It takes the byte-code as it is and keeps nothing that could be wrong; whatever runs faster is held against it.
+It interprets the byte-code and keeps no derived state beside candidate matches. Faster engines are tested against it.
 """
 
 from rmr.base.streams import Choices

@@ -1,14 +1,16 @@
-"""Which rule goes next (paper figure 6, `selectOneRule`), as the paper says it.
+"""Conflict resolution: which satisfied rule fires next, and for which match (paper figure 6, `selectOneRule`).
 
-Satisfied rules are ranked by how near their firing brings an open goal: first those that derive one, then those from
-which one more firing leads there, and so on, last those from which none follows. Among those of the best rank one is
-drawn uniformly (one draw from the robot's stream, and only when there is a choice), or the first in the text is
-taken; of that rule's matches of that rank the oldest facts go first, but those behind others for whose kept facts it
-has fired while a goal ranked it (rotor.py). A rule that consumes nothing would be satisfied for ever, so it fires
-once for each match, and again when the match has gone and come back.
+1. Rank: the number of further firings to an open goal. Rules that derive an open goal come first (rank 0), rules from
+   which no open goal follows come last.
+2. Among the rules of the best rank one is drawn uniformly, or, with the textual strategy, the first in the text is
+   taken. The robot's stream gives one draw, and only when there is a choice.
+3. Among the rule's matches of that rank the oldest facts go first. While a goal ranks a rule that consumes, matches
+   take turns by their kept facts: the least recently fired goes first (rotor.py).
 
-A rule is matched again only when a predicate that it mentions has changed since (or a goal to which it may
-lead); a quiet machine does nothing.
+A rule that consumes nothing fires once for each match (refraction), and again when the match has gone and come back.
+
+Matching is incremental: a rule is matched again only after a change of a predicate that it mentions, or of a goal to
+which it may lead. A quiescent machine does nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,10 +35,10 @@ from rmr.vm.rotor import ROTOR_MATCHES_MAX
 from rmr.vm.store import Args, Fact, Store, is_open
 
 NEVER_FAILING = (Op.LOAD, Op.CONST, Op.INT, Op.EQ, Op.NE)
-"""Instructions that have a value whatever they work on."""
+"""Instructions that have a value for all operands."""
 
 UNRANKED = 1 << 30
-"""Comes after every rank."""
+"""Rank of a firing from which no open goal follows: greater than every other rank."""
 
 
 plans_of: ByIdentity[Program, tuple[PlannedRule, ...]] = ByIdentity(
@@ -55,11 +57,11 @@ class Candidate:
         self.derivation = derivation
         self.rank = rank
         self.last = last
-        """When the rule fired last for the facts that it keeps: 0 never, else the greater the later."""
+        """Turn of the rule's last firing for the same kept facts; 0: never."""
 
 
 class RuleState:
-    """What one robot knows about one of its rules."""
+    """The match state of one rule on one robot."""
 
     __slots__ = ("candidate", "index", "once", "planned", "stale", "timed")
 
@@ -79,7 +81,7 @@ class RuleState:
 
 
 class Interpreter:
-    """Keeps for each rule whether it is satisfied, and chooses."""
+    """Keeps for each rule the match with which it would fire, and chooses among them."""
 
     def __init__(
         self,
@@ -123,13 +125,14 @@ class Interpreter:
                 self._mark(state)
 
     def resume(self) -> None:
-        """Begin a run at another instant: what a head says of now() is to be said anew."""
+        """Begin a run at another instant: heads that call now() are evaluated again."""
         for state in self._states:
             if state.timed and state.candidate is not None:
                 self._mark(state)
 
     def select(self, now: Instant) -> tuple[int, FiringEffect] | None:
-        """Return the next firing (the rule's index, what it does), or None at quiescence."""
+        """Return the next firing (the rule's index, its effect), or None at quiescence."""
+        # In program order: matching reports failures, and their order is part of the result.
         for state in sorted(self._stale, key=attrgetter("index")):
             state.stale = False
             self._refresh(state, now)
@@ -138,6 +141,7 @@ class Interpreter:
         if not best:
             self.busy = False
             return None
+        # A choice of one draws nothing: the stream must advance alike in every engine.
         state = best[0] if self._textual or len(best) == 1 else best[self._choices.below(len(best))]
         candidate = state.candidate
         assert candidate is not None
@@ -145,7 +149,7 @@ class Interpreter:
             state.once.fire(candidate.facts)
         elif candidate.rank != UNRANKED:
             self._goals.fire(now, state.index, args_of(candidate.facts))
-        self._mark(state)
+        self._mark(state)  # its match is used up
         return state.index, candidate.derivation
 
     def _mark(self, state: RuleState) -> None:
@@ -169,9 +173,9 @@ class Interpreter:
         return best
 
     def _refresh(self, state: RuleState, now: Instant) -> None:
-        """Look for the match with which a rule would fire: the best rank, the least recently fired, the oldest."""
+        """Find the match with which a rule would fire: the best rank, the least recently fired, the oldest."""
         state.candidate = best = None
-        nearest = self._goals.nearest(state.index)
+        nearest = self._goals.nearest(state.index)  # lower bound on the rank; None: no match can have a rank
         turns = nearest is not None and state.once is None and self._goals.rotor.turns(state.index)
         compared = 0
         env: Env = [self._robot] * state.planned.slots
@@ -190,6 +194,8 @@ class Interpreter:
                 compared += 1
                 if last < best.last:
                     state.candidate = best = Candidate(tuple(facts), derivation, rank, last)
+            # No later match is better: without ranks the oldest wins; else the rank is the best possible, and this
+            # match's kept facts have never fired or enough matches have been compared.
             if nearest is None or (best.rank <= nearest and (not best.last or compared >= ROTOR_MATCHES_MAX)):
                 return
 
@@ -206,7 +212,7 @@ def args_of(facts: Sequence[Fact]) -> list[Args]:
 
 
 def mentioned(rule: Rule) -> Iterator[int]:
-    """Yield the predicates on which it depends whether the rule is satisfied and what it does."""
+    """Yield the predicates in the rule's bodies: they decide whether it is satisfied and what it derives."""
     for body in bodies(rule):
         for conjunct in body:
             if isinstance(conjunct, Atom):
@@ -214,10 +220,10 @@ def mentioned(rule: Rule) -> Iterator[int]:
 
 
 def is_plain(rule: Rule, predicates: Sequence[Predicate]) -> bool:
-    """Tell whether matches of a body only come with facts and go with facts, in whichever order it is looked through.
+    """Return whether the body's matches depend on the presence of facts alone, in any order of search (monotone).
 
-    No expression of it can fail, and no atoms are joined of which one leaves a type open: how strictly values are
-    compared there hangs on which of them comes first.
+    The body has no ``not``, and none of its expressions can fail. It joins no atom with an open type: there the order
+    of the atoms decides how strictly values are compared.
     """
     atoms = [item for item in rule.body if isinstance(item, Atom)]
     others = [item for item in rule.body if not isinstance(item, Atom)]
@@ -227,5 +233,5 @@ def is_plain(rule: Rule, predicates: Sequence[Predicate]) -> bool:
 
 
 def uses_now(code: Code) -> bool:
-    """Tell whether an expression depends on the time."""
+    """Return whether an expression depends on the time."""
     return any(i.op is Op.CALL and isinstance(i.operand, int) and FUNCTIONS[i.operand].timed for i in code)

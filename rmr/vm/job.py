@@ -18,7 +18,8 @@ class TimedJob:
     name: str
     """The assertion's name, else the predicate of its finish fact."""
     event: str
-    """What robots contend for: the name and the finish fact's arguments but for the owner, ``crossing(exit)``."""
+    """The group for which robots contend: the name and the finish fact's arguments without its owner,
+    ``crossing(exit)``."""
     text: str
     """The finish fact in program syntax, ``at(@1, exit)``."""
     start: Instant
@@ -26,11 +27,11 @@ class TimedJob:
     bindings: tuple[Value | None, ...]
     """The slots of the assertion: 0 the robot, the others as the start fact bound them."""
     finisher: Robot
-    """The finish fact's robot; if it is another one, that robot reports."""
+    """Owner of the finish fact; if that is another robot, it reports the fact."""
     finish: Instant | None = None
-    """When the finish fact was inserted; of a missed job that is late."""
+    """When the finish fact was inserted; None if it has not been. A missed job may have one."""
     missed: bool = False
-    """The deadline passed before the finish fact."""
+    """Whether the deadline passed before the finish fact, or a report of it, came."""
 
     @property
     def remote(self) -> bool:
@@ -39,7 +40,7 @@ class TimedJob:
 
     @property
     def cause(self) -> str | None:
-        """Why it was missed: ``network`` if the finish fact was in time and only the news late, else ``local``."""
+        """Why it was missed: ``network`` if the finish fact was in time and only its report late, else ``local``."""
         if not self.missed:
             return None
         in_time = self.remote and self.finish is not None and self.finish <= self.deadline

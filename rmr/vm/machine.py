@@ -1,15 +1,15 @@
 """The virtual machine of one robot: facts in, events out (paper IV.B, figure 6).
 
-What all engines share: how a machine looks to its host, and what happens beside the rules, to goals, time
-assertions and actions. Engines differ in how they keep the facts and find the rule that goes next
-(`rmr.vm.engines`). The host hands in facts from outside, goals, the ends of actions and the time, calls `run`, and
-takes away what happened with `drain`. A firing is atomic: what the body consumed goes, then what the head derives
-comes, and only then is the next rule chosen. An insertion first discharges goals, then ends jobs, then starts them.
+This module is the part common to all engines: the interface to the host, and the handling of goals, time assertions and
+actions. Engines differ in how they store facts and find the rule that fires next (`rmr.vm.engines`). The host passes in
+facts from outside, goals, the ends of actions and the time, calls `run`, and collects events with `drain`.
 
-A deadline is part of the time in which the job may finish (t' - t <= d, paper III.E): what is inserted at the
-very instant of the deadline is in time, so deadlines before `now` are dealt with before anything else that
-happens at `now`, and those at `now` after it. The machine holds no clock and never waits; between two `run`s
-the host sleeps until `next_wake`.
+A firing is atomic: first the facts that the body consumes are removed, then the items of the head are derived, then the
+next rule is chosen. An insertion first discharges goals, then ends jobs, then starts them.
+
+A deadline is inclusive (t' - t <= d, paper III.E): a fact inserted at the instant of the deadline is in time. So
+deadlines before `now` are handled before anything else that happens at `now`, and deadlines at `now` after it. The
+machine has no clock and never waits; between two `run`s the host sleeps until `next_wake`.
 """
 
 from abc import abstractmethod
@@ -20,7 +20,6 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
 from rmr.vm.derive import Chain, Derived, DerivedKind, evaluated
-from rmr.vm.doubts import Doubts
 from rmr.vm.evaluate import NoValue
 from rmr.vm.goals import GoalArgs
 from rmr.vm.job import TimedJob
@@ -28,15 +27,16 @@ from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, 
 from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
 from rmr.vm.store import Args
+from rmr.vm.type_checks import TypeChecks
 
 FACTS_MAX = 100_000
-"""Facts of one robot, of all kinds; what would be one more is not inserted. They take some 50 MB at most as a rule."""
+"""Facts of one robot, of all kinds; beyond that a fact is dropped. A full store of short facts takes some 50 MB."""
 
 FACTS_LENGTH_MAX = 4_000_000
-"""Characters and items of the strings and lists of all facts; once there are so many, no fact is inserted any more."""
+"""Total length, in characters and items, of the strings and lists of all facts; beyond that a fact is dropped."""
 
 FIRING_BUDGET = 500
-"""Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
+"""Firings of one `run`. The bound keeps a robot responsive whose program never becomes quiescent."""
 
 _FACT = DerivedKind.FACT
 _ACTION = DerivedKind.ACTION  # looking up a member of an enumeration takes longer than an insertion should
@@ -63,14 +63,14 @@ class Machine(Parts):
         self._now: Instant = 0
         self._choices = choices
 
-    # What engines do
+    # Implemented by the engines
 
     busy: bool
     """Whether a rule may be satisfied."""
 
     @abstractmethod
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
-        """Insert a fact of this robot unless it is one of a set and holds, and all that follows from it (_inserted)."""
+        """Insert a fact of this robot and apply its consequences (`_inserted`), unless a set holds it already."""
 
     @abstractmethod
     def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
@@ -82,9 +82,9 @@ class Machine(Parts):
 
     @abstractmethod
     def _goals_changed(self, predicate: int) -> None:
-        """Take notice that goals of `predicate` have been opened or discharged."""
+        """Mark the rules dirty whose rank depends on the goals of `predicate`: some were opened or discharged."""
 
-    # What the host hands in
+    # Input from the host
 
     def start(self, now: Instant) -> None:
         """Insert the facts, then the goals, that the program states for this robot."""
@@ -97,7 +97,7 @@ class Machine(Parts):
                 self._want(now, goal.predicate, goal.args)
 
     def insert(self, now: Instant, predicate: int, args: Args) -> None:
-        """Insert a fact from outside, of any kind; a sensed or persistent one that holds is no insertion.
+        """Insert a fact from outside, of any kind; a sensed or persistent fact that already holds changes nothing.
 
         Raises:
             ValueError: `args` (without the owner) are not what the predicate declares.
@@ -124,9 +124,9 @@ class Machine(Parts):
         self._withdraw(now, predicate, self._shared.gate.sensed(predicate, args))
 
     def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
-        """Take up an action that another robot derived for this one.
+        """Accept an action that another robot derived for this one.
 
-        `origin` is the robot that waits for its end, and the serial by which it knows the action.
+        `origin` is the robot that waits for the action's end, and the action's serial there.
 
         Raises:
             ValueError: `args` (without the executor) are not what the action declares.
@@ -136,11 +136,11 @@ class Machine(Parts):
         self._act(now, predicate, self.robot, args, (), origin)
 
     def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
-        """End an action: insert its effects, or the else effects, then derive the step behind it unless it failed.
+        """End an action: insert its effects or, if it failed, its else effects; then derive the next step of its chain.
 
-        Of an action that another robot executed the effects are that robot's; `executor` says who reports the end
-        (None: whoever executes it). False if it is not under way, or not there. Effects on sensed predicates are
-        left to the senses.
+        The effects are inserted by the robot that executed the action. `executor` is the robot that reports the end
+        (None: accept the report without this check). Returns False if the action is not under way, or another robot
+        executes it. Effects on sensed predicates are left to the sensors. A failure drops the rest of the chain.
         """
         self._arrive(now)
         awaited = self._under_way.end(serial, executor)
@@ -148,16 +148,17 @@ class Machine(Parts):
             return False
         action, then = awaited
         if action.executor == self.robot:
-            for effect, doubts in self._shared.effects(action.predicate, ok):
-                self._take_effect(now, effect, doubts, action)
+            for effect, checks in self._shared.effects(action.predicate, ok):
+                self._take_effect(now, effect, checks, action)
         if ok:
             self._follow(now, then)
         return True
 
     def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
-        """Watch for a finish fact of this robot: a job of `watcher` waits for it since a start fact was inserted there.
+        """Watch for a finish fact of this robot on behalf of a job of `watcher` that has been running since `since`.
 
-        The news is a `FinishSeen`, at once if the fact has been inserted since, or holds and is not temporary.
+        The report is a `FinishSeen` event. It comes at once if the fact was inserted since then, or holds and is not
+        temporary.
 
         Raises:
             ValueError: `watcher` can have no such job, or the fact is not this robot's.
@@ -168,7 +169,7 @@ class Machine(Parts):
             self._events.append(seen)
 
     def finish_seen(self, now: Instant, source: int, assertion: int, args: Args, at: Instant) -> bool:
-        """End the jobs that wait for a fact which `source` says was inserted there; False if none does (any longer).
+        """End the jobs that wait for a finish fact that robot `source` inserted at `at`; False if none waits for it.
 
         Raises:
             ValueError: there is no such assertion, or `args` are not what its finish fact declares.
@@ -182,32 +183,33 @@ class Machine(Parts):
         return bool(events)
 
     def run(self, now: Instant) -> None:
-        """Deal with the deadlines that are due and fire rules until quiescence, or until the budget is used."""
+        """Handle the deadlines that are due and fire rules until quiescence, or until the budget is used."""
         self._now = now
         jobs = self._any_jobs
         if jobs is not None and jobs.due < now:
             self._miss(now - 1)
         if self.busy:
             self._fire(now)
-        jobs = self._any_jobs
+        # Deadlines at `now` come last: a firing at `now` may still insert the finish fact in time.
+        jobs = self._any_jobs  # the first job may have started in this run
         if jobs is not None and jobs.due <= now:
             self._miss(now)
 
-    # What the host asks
+    # Queries of the host
 
     @property
     def quiescent(self) -> bool:
-        """Whether no rule is satisfied, as far as the last `run` could tell."""
+        """Whether the last `run` ended with no rule satisfied, rather than with its budget used."""
         return not self.busy
 
     @property
     def next_wake(self) -> Instant:
-        """When `run` is next needed: the next deadline; at once if rules may be satisfied; NEVER."""
+        """When `run` is next needed: now if rules may be satisfied, else at the next deadline, else NEVER."""
         return self._now if self.busy else self.due
 
     @property
     def due(self) -> Instant:
-        """The next deadline of a job; NEVER."""
+        """The next deadline of a job; NEVER if there is none."""
         return NEVER if self._any_jobs is None else self._any_jobs.due
 
     @property
@@ -217,21 +219,21 @@ class Machine(Parts):
 
     @property
     def expression_failures(self) -> int:
-        """How often an expression without value left something out."""
+        """Number of failures of expressions (no value), each of which left something out."""
         return self._failures.count
 
     @property
     def dropped(self) -> dict[str, int]:
-        """What was dropped because a bound was reached, by kind; empty as a rule."""
+        """Number of things dropped because a bound was reached, by kind; a kind without drops is missing."""
         return dict(self._dropped.counts)
 
     @property
     def called_at(self) -> Instant:
-        """When facts may have changed last: the instant of the last call that handed something in, or of `run`."""
+        """Upper bound on the instant of the last change of facts: that of the last input or `run`."""
         return self._now
 
     def has_due(self, now: Instant) -> bool:
-        """Return whether there is something to `run` at `now`, or to drain: of a robot that drives hardly ever."""
+        """Return whether there is work for `run` at `now`, or an event to drain. Mostly False while a robot drives."""
         jobs = self._any_jobs
         return self.busy or bool(self._events) or (jobs is not None and jobs.due <= now)
 
@@ -241,7 +243,7 @@ class Machine(Parts):
         return bool(self._events)
 
     def drain(self) -> list[VmEvent]:
-        """Return what happened since the last call, in order."""
+        """Return the events since the last call, in order."""
         events = self._events.copy()
         self._events.clear()
         return events
@@ -255,11 +257,11 @@ class Machine(Parts):
         return list(self.each(predicate))
 
     def holds(self, predicate: int, args: tuple[Pattern, ...]) -> bool:
-        """Tell whether a fact that matches `args` holds; slots stand for anything."""
+        """Return whether a fact that matches `args` holds; a slot matches any value."""
         return any(pattern_agrees(args, fact) for fact in self.each(predicate))
 
     def facts(self) -> list[str]:
-        """Return the temporary and persistent facts, none that is provided, in program syntax, sorted."""
+        """Return the temporary and persistent facts but for provided ones, in program syntax, sorted."""
         texts: list[str] = []
         for index, predicate in enumerate(self.program.predicates):
             if predicate.provided or predicate.kind is Kind.SENSED:
@@ -272,7 +274,7 @@ class Machine(Parts):
         """Return ``{"achieved": [[text, seconds], ...], "open": [text, ...]}``."""
         return self._goals.report()
 
-    # What happens inside
+    # Internal steps
 
     def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
         """Insert facts, given with their predicates."""
@@ -280,14 +282,14 @@ class Machine(Parts):
             self._insert(now, predicate, args)
 
     def _arrive(self, now: Instant) -> None:
-        """Let pass what was due before something happens at `now`."""
+        """Handle the deadlines before `now`, ahead of an input at `now`."""
         self._now = now
         jobs = self._any_jobs
         if jobs is not None and jobs.due < now:
             self._miss(now - 1)
 
     def _follow(self, now: Instant, chain: Chain) -> None:
-        """Derive steps up to the first action; what stands behind it waits for its end."""
+        """Derive the steps of a chain up to its first action; the steps after that wait for its end."""
         for place, item in enumerate(chain):
             if item.role is _ACTION:
                 self._act(now, item.predicate, item.owner, item.args, chain[place + 1 :])
@@ -305,7 +307,7 @@ class Machine(Parts):
             self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
 
     def _is_full(self, now: Instant, count: int, length: int) -> bool:
-        """Tell whether one more fact is too many, given how many there are and how long, and count it as dropped."""
+        """Return whether a store of `count` facts and total `length` is full; then count one fact as dropped."""
         if count >= FACTS_MAX:
             self._dropped.add("facts", FACTS_MAX, now)
         elif length >= FACTS_LENGTH_MAX:
@@ -315,7 +317,7 @@ class Machine(Parts):
         return True
 
     def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
-        """Let a fact that has just been inserted discharge goals, then end jobs, then start them."""
+        """Apply the consequences of an insertion: discharge goals, then end jobs, then start jobs."""
         goals = self._any_goals
         if goals is not None and predicate in goals.open:
             achieved = goals.inserted(now, predicate, args)
@@ -328,7 +330,7 @@ class Machine(Parts):
             self._events += self._assertions.inserted(now, predicate, args)
 
     def _removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
-        """Remember a fact that has just been removed if another robot may yet ask for it."""
+        """Remember a removed fact if another robot's request for it may still arrive (`rmr.vm.watches`)."""
         if predicate in self._affairs.asked:
             self._watches.removed(now, predicate, args, since)
 
@@ -345,30 +347,31 @@ class Machine(Parts):
         then: Chain = (),
         origin: tuple[int, int] | None = None,
     ) -> None:
-        """Report an action; its end is awaited if this robot executes it, or if steps follow."""
+        """Report a derived action; its end is awaited if this robot executes it, or if steps follow."""
+        # Without effects of its own or steps to derive, an action of another robot is sent and forgotten: serial 0.
         if then or executor == self.robot:
             under_way = self._any_actions or self._under_way
             self._events.append(under_way.begin(now, predicate, executor, args, then, origin))
         else:
             self._events.append(ActionDerived(0, predicate, executor, args, origin))
 
-    def _take_effect(self, now: Instant, effect: Effect, doubts: Doubts, action: ActionDerived) -> None:
+    def _take_effect(self, now: Instant, effect: Effect, checks: TypeChecks, action: ActionDerived) -> None:
         try:
-            fact = evaluated(effect, [self.robot, *action.args], now, doubts)
+            fact = evaluated(effect, [self.robot, *action.args], now, checks)
         except NoValue as reason:
-            self._failures.tell(now, f"effect of {self.program.predicates[action.predicate].name}", str(reason))
+            self._failures.report(now, f"effect of {self.program.predicates[action.predicate].name}", str(reason))
             return
         self._give(now, fact)
 
     def _miss(self, until: Instant) -> None:
-        """Derive the violations of the deadlines up to `until`, each as of its own instant."""
+        """Derive the violations of the deadlines up to `until`, each as of its own deadline, not of the call."""
         for job in self._assertions.overdue(until):
             self._events.append(JobMissed(job))
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:
-                item, doubts = self._shared.violations[job.assertion]
-                violation = evaluated(item, env, job.deadline, doubts)
+                item, checks = self._shared.violations[job.assertion]
+                violation = evaluated(item, env, job.deadline, checks)
             except NoValue as reason:
-                self._failures.tell(job.deadline, f"violation of assertion {job.name}", str(reason))
+                self._failures.report(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue
             self._act(job.deadline, violation.predicate, violation.owner, violation.args)

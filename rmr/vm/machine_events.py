@@ -1,7 +1,7 @@
-"""What the virtual machine reports to whoever hosts it, in the order in which it happened.
+"""Events of the virtual machine: its output to the host, in the order in which they happened.
 
-The machine acts on nothing but its own facts: whatever concerns the radio, the robot's body or the
-operator leaves it as one of these events (the paper's NEW_ACTION and NEW_FACT, figure 6).
+The machine changes nothing but its own facts. All effects on the radio, the robot's body or the operator leave it as
+one of these events (the paper's NEW_ACTION and NEW_FACT, figure 6).
 """
 
 from rmr.base.record import record
@@ -23,7 +23,7 @@ class RuleFired:
 
 @record
 class FactSent:
-    """A rule derived a fact of another robot: it must be carried there."""
+    """A rule derived a fact of another robot: the host must send it."""
 
     destination: int
     """The robot that owns it."""
@@ -34,7 +34,7 @@ class FactSent:
 
 @record
 class GoalSent:
-    """A rule derived a goal of another robot: it must be carried there."""
+    """A rule derived a goal of another robot: the host must send it."""
 
     destination: int
     """The robot whose goal it is."""
@@ -48,19 +48,19 @@ class ActionDerived:
     """An action was derived, by a rule or by a missed deadline."""
 
     serial: int
-    """Names it in `Machine.complete`; 0 if another robot executes it and nothing waits for its end."""
+    """Identifies the action in `Machine.complete`; 0 if another robot executes it and nothing waits for its end."""
     predicate: int
     executor: int
-    """The robot that is to carry it out."""
+    """The robot that is to execute it."""
     args: Args
     """Without the executor."""
     origin: tuple[int, int] | None = None
-    """Another robot derived it and waits for its end: that robot, and the serial to hand to its `complete`."""
+    """If another robot derived it and waits for its end: that robot, and the serial for its `complete`."""
 
 
 @record
 class JobStarted:
-    """A fact that starts a time assertion's job was inserted; a job that ran already has started anew."""
+    """A fact that starts a time assertion's job was inserted; a job that was running has restarted."""
 
     job: TimedJob
 
@@ -88,14 +88,14 @@ class FinishAwaited:
     assertion: int
     """Index into the program's assertions."""
     start_args: Args
-    """The start fact's, without the owner: they bind what the finish fact's pattern says."""
+    """The start fact's arguments without the owner: they bind the variables of the finish pattern."""
     since: Instant
-    """When the job started; what was inserted before does not count."""
+    """When the job started; earlier insertions do not count."""
 
 
 @record
 class FinishSeen:
-    """A fact for which another robot's job waits was inserted here: it must be told (`Machine.finish_seen`)."""
+    """A fact for which another robot's job waits was inserted here: the host must send it (`Machine.finish_seen`)."""
 
     destination: int
     """The job's robot."""
@@ -136,7 +136,7 @@ class FactRemoved:
 
 @record
 class RuleRepeats:
-    """A rule has fired many times for the same facts while no goal was achieved; told once for each rule."""
+    """A rule has fired many times for the same facts while no goal was achieved; reported once for each rule."""
 
     rule: int
     """Index into the program's rules."""
@@ -146,7 +146,7 @@ class RuleRepeats:
 
 @record
 class ExpressionFailed:
-    """An expression has no value (``1 / 0``): what needed it was left out."""
+    """An expression has no value (``1 / 0``): the item, match or firing that needed it was left out."""
 
     where: str
     """``rule 3``, ``assertion crossing``, ``effect of moveto``."""
@@ -156,7 +156,7 @@ class ExpressionFailed:
 
 @record
 class BoundReached:
-    """More than the robot keeps was to be kept, for the first time; what does not fit is dropped and counted."""
+    """A bound was exceeded for the first time; the excess is dropped and counted from now on (`Machine.dropped`)."""
 
     what: str
     """``facts``, ``lengths`` (of all facts), ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``,

@@ -1,7 +1,7 @@
-"""What a machine carries beside its rules and facts: goals, actions under way, jobs, watches.
+"""The parts of a machine beside its rules and facts: goals, actions under way, jobs, watches.
 
-Most robots never need them all, so each part is made with the first that it is to keep; what depends on the program
-alone is shared (`rmr.vm.shared`).
+Each part is made lazily, with the first thing that it keeps: most robots never need them all, and a process may host
+thousands. Data that depends on the program alone is shared (`rmr.vm.shared`).
 """
 
 from abc import ABC, abstractmethod

@@ -40,7 +40,7 @@ OnFailure = Callable[[int, Found, str], None]
 
 
 LOOKS_MAX = 1 << 20
-"""Facts that one search may examine. A body of several atoms may have millions of combinations and no match."""
+"""Search budget: facts that one search may examine. A body of several atoms may have millions of combinations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class AtomStep:
     twins: tuple[tuple[int, int], ...]
     """(position, earlier position) of a variable that the atom has twice."""
     strict: bool
-    """The predicate leaves types open, so values of different kinds may meet."""
+    """Whether the predicate has open types: then values are compared strictly, for 1 == 1.0 == True in Python."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,8 @@ class BindStep:
     slot: int
     code: Code
     again: bool = False
-    """It has a value already, which must be the same; the expression's stands (1 is 1.0, but sums may differ)."""
+    """Whether the slot has a value already, which must be the same. The expression's value replaces it: an equal value
+    may be of another type (1 and 1.0)."""
 
 
 Step = AtomStep | GuardStep | BindStep
@@ -128,7 +129,7 @@ def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[i
 
 
 def agrees(step: AtomStep, args: Args, env: Env) -> bool:
-    """Tell whether `args` match the atom; binds nothing."""
+    """Return whether `args` match the atom; binds nothing."""
     if step.strict:
         return (
             all(same(args[position], value) for position, value in step.tests)
@@ -145,7 +146,7 @@ def agrees(step: AtomStep, args: Args, env: Env) -> bool:
 
 
 def candidates(step: AtomStep, store: Store, env: Env) -> Facts:
-    """Return facts, oldest first, among them all that match the atom."""
+    """Return a superset of the facts that match the atom, oldest first."""
     table = store.tables[step.predicate]
     # One column is enough to narrow the facts; the first constant is as good a guess as any, and needs no binding.
     if step.tests:
@@ -247,7 +248,7 @@ class Search:
                 return
 
     def spent(self) -> bool:
-        """Tell whether a fact found before has been taken, so that nothing more can come of it."""
+        """Return whether a fact found so far has been taken: no further match can contain it."""
         found = self.found
         taken = self.taken
         return taken is not None and any(found[p].serial in taken for p in self.places if p < len(found))
@@ -259,7 +260,7 @@ class Search:
                 yield fact
 
     def candidates(self, step: AtomStep) -> Facts:
-        """Return facts, oldest first, among them all that match the atom; none once too many have been looked at."""
+        """Return a superset of the facts that match the atom, oldest first; none once the search budget is used."""
         if self._looks_left < 0:
             return ()
         facts = candidates(step, self.store, self.env)
@@ -290,7 +291,7 @@ class Search:
 
 
 def pattern_agrees(patterns: tuple[Pattern, ...], args: Args, bindings: tuple[Value | None, ...] = ()) -> bool:
-    """Tell whether `args` match `patterns`; slots without a binding match anything, the same one the same."""
+    """Return whether `args` match `patterns`; an unbound slot matches any value, the same one at each occurrence."""
     free: dict[int, Value] = {}
     for pattern, value in zip(patterns, args, strict=True):
         if isinstance(pattern, Anything):

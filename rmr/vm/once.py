@@ -1,8 +1,8 @@
-"""Refraction: a rule that consumes nothing fires once for each match. Which of its matches have not fired.
+"""Refraction: a rule that consumes nothing fires once for each match. This module keeps the matches not yet fired.
 
-Serial numbers grow, and a fact that is inserted again has a new one. The tuple of its facts' serial numbers, the key,
-therefore identifies a match for ever, and the order of the matches (conjunct by conjunct, the oldest facts first) is
-the order of the keys.
+Serial numbers grow, and a fact that is inserted again has a new one. So the key of a match, the tuple of its facts'
+serial numbers, is unique over the whole run, and the order of the matches (conjunct by conjunct, the oldest facts
+first) is the order of their keys.
 
 `Growing` serves bodies whose matches arise by insertions alone. It keeps the horizon, the key up to which all matches
 have been found, and the matches up to there that have not fired. When those are used up it searches beyond the horizon;
@@ -79,14 +79,14 @@ class Once(ABC):
 
     @abstractmethod
     def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
-        """Take notice of what has changed."""
+        """Update the kept matches after changes of facts."""
 
     @abstractmethod
     def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
         """Keep matches that come behind all those that are kept; False if there are none."""
 
     def _forget_gone(self, place: int) -> None:
-        """Drop matches of which facts are gone, from `place` up to the next that stands."""
+        """Drop matches with removed facts, from `place` up to the next valid one."""
         end = place + 1
         while end < len(self._kept) and not self._kept[end].held:
             end += 1
@@ -94,7 +94,7 @@ class Once(ABC):
 
 
 class Growing(Once):
-    """Of a body without ``not``."""
+    """The unfired matches of a monotone body (without ``not``): searched incrementally."""
 
     def __init__(
         self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
@@ -103,9 +103,9 @@ class Growing(Once):
         self._body = body
         self._predicates = predicates
         self._plans: list[FreshPlan] = []
-        """How to find the matches of new facts; empty before they are needed."""
+        """Plans of the incremental searches; empty until the first one is needed."""
         self._horizon: Key = ()
-        """Every match up to this key has been found; (): none has been looked for."""
+        """Every match up to this key has been found; (): no search has been made."""
         self._complete = False
         """Every match has been found."""
         self._newest = 0
@@ -120,7 +120,7 @@ class Growing(Once):
         self._newest = self._store.newest
         if since == self._newest or not (self._complete or self._horizon):
             return
-        if not self._plans:  # most rules never need them: planned with the first new fact behind the first search
+        if not self._plans:  # planned lazily: most rules never get a new fact after their first search
             self._plans.extend(fresh_plans(self._body, self._predicates))
         for each in self._plans:
             if self._store.tables[each.predicate].newest > since:
@@ -151,7 +151,7 @@ class Growing(Once):
 
 
 class Changing(Once):
-    """Of a body with ``not``."""
+    """The unfired matches of a body with ``not`` or one whose expressions may fail: searched anew after each change."""
 
     def __init__(
         self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
@@ -162,7 +162,7 @@ class Changing(Once):
         self._complete = False
 
     def fire(self, facts: tuple[Fact, ...]) -> None:
-        """Note that a match has fired: not again before it has gone and come back."""
+        """Record that a match has fired: it may fire again only after it has ceased to hold and held again."""
         super().fire(facts)
         self._fired.add(key_of(facts))
 
@@ -182,7 +182,7 @@ class Changing(Once):
         return bool(self._kept)
 
     def _look(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
-        """Look for all matches: forget the fired ones that are gone, keep the first others."""
+        """Search all matches: forget the fired ones that no longer hold, keep the first `MATCHES_MAX` others."""
         # Fired matches that are not found again are gone; if they come back, they may fire again.
         found: set[Key] = set()
         self._kept.clear()

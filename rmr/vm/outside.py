@@ -1,8 +1,8 @@
-"""The gate through which facts from outside pass: senses, other robots, operators, Python actions.
+"""Input validation: the types of facts, goals and actions from sensors, other robots, operators and Python actions.
 
-What the program itself derives is checked when it is compiled and verified; what comes from outside is
-checked here, so that the machine behind never meets a value that its predicate does not declare. An int where
-a float is declared is converted; everything else that does not fit is the caller's mistake.
+A program's own facts are checked when it is compiled and verified. Input from outside is checked here, so the machine
+never stores a value that its predicate does not declare. An int where a float is declared is converted. Any other
+mismatch is the caller's mistake (ValueError).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ class Gate:
             _refuse if predicate.kind is Kind.ACTION else fits
             for predicate, fits in zip(predicates, self._fits, strict=True)
         ]
-        """Tell whether arguments are those of a fact; this is asked for every fact that comes in."""
+        """By predicate, whether arguments conform as they are: the fast path of every fact that comes in."""
 
     def fact(self, predicate: int, args: Args) -> Args:
         """Return the arguments of a fact. Raises ValueError."""
@@ -59,7 +59,7 @@ class Gate:
             raise _arity(declared, len(args))
         patterns: list[Anything | Constant] = []
         for position, (arg, kind) in enumerate(zip(args, declared.types, strict=True)):
-            if isinstance(arg, Slot | Anything):
+            if isinstance(arg, Slot | Anything):  # the slots of another robot's rule mean nothing here
                 patterns.append(ANY)
             else:
                 value = arg.value if isinstance(arg, Constant) else arg
@@ -84,11 +84,12 @@ def _refuse(_: Args) -> bool:
 
 
 def _fits(types: Sequence[Type]) -> Callable[[Args], bool]:
-    """Return the function that tells whether arguments are of `types`, without a conversion."""
+    """Return the predicate "arguments are of `types`, without a conversion"."""
     fits = [checker(kind) for kind in types]
     count = len(fits)
     if count == 0:
         return lambda args: not args
+    # One and two arguments, by far the most frequent, are checked without a generator.
     first = fits[0]
     second = fits[-1]
     if count == 1:
@@ -112,7 +113,7 @@ def _value(declared: Predicate, position: int, kind: Type, value: Value) -> Valu
 
 
 def _with_floats(kind: Type, value: Value) -> Value:
-    """Return `value` with a float for each int where `kind` wants one, as deep as the type says."""
+    """Return `value` with each int converted to float where `kind` declares a float, inside nested lists too."""
     if kind.base is Base.LIST and kind.element is not None and type(value) is tuple:
         return tuple([_with_floats(kind.element, item) for item in value])
     if kind.base is not Base.FLOAT or type(value) is not int:
@@ -120,4 +121,4 @@ def _with_floats(kind: Type, value: Value) -> Value:
     try:
         return float(value)
     except OverflowError:
-        return value
+        return value  # an int beyond the floats: the caller reports it as of the wrong type

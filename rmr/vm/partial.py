@@ -83,15 +83,15 @@ class Fresh(Search):
         since: int,
         upto: tuple[int, ...],
     ) -> None:
-        """`since` is a serial, `upto` a key of older facts behind which nothing is looked for; (): there is none.
+        """Search for matches with a fact newer than the serial `since`, up to the key `upto` (): without a bound.
 
-        `on_failure` is not told what failed without the new facts already.
+        `on_failure` is not called for failures that happen without the new facts: they have been reported before.
         """
         super().__init__(plan.steps, store, env, now, self._failed)
         self._plan = plan
         self._since = since
         self._upto = upto
-        self._tell = on_failure
+        self._on_new_failure = on_failure
 
     def matches(self) -> Iterator[Found]:
         """Yield the facts of each match in the order of the body's atoms; the matches are in no order."""
@@ -99,7 +99,7 @@ class Fresh(Search):
             yield self._in_order(found)
 
     def facts(self, step: AtomStep) -> Iterator[Fact]:
-        """Yield the facts that match the atom alone and are as new, or old, as it wants them."""
+        """Yield the facts that match the atom alone, restricted to new or to old facts as the atom's place demands."""
         level = len(self.found)
         if level == 0:  # the atom at the front of this plan: the one that takes a new fact
             for fact in self._newest(step):
@@ -114,9 +114,10 @@ class Fresh(Search):
             yield fact
 
     def _last(self, level: int) -> int:
-        """Return the serial of the newest fact for an atom before the one that takes a new fact.
+        """Return the greatest serial that an atom before the new fact's atom may take.
 
-        The match stays within the bound only if it is before it there already: new facts are newer than all in it.
+        New facts are newer than all facts of the bound, so a match within the bound must be less than it at an atom
+        before the new fact's.
         """
         before = level - 1  # `found` begins with the new fact, which the key does not
         if not self._upto or any(self.found[1 + i].serial != self._upto[i] for i in range(before)):
@@ -124,10 +125,10 @@ class Fresh(Search):
         return self._upto[before] - (level == self._plan.level)
 
     def _newest(self, step: AtomStep) -> list[Fact]:
-        """Return the new facts, oldest first, without looking at the others."""
+        """Return the new facts, oldest first, without examining the others."""
         newest: list[Fact] = []
         if self._upto and self._plan.level == 0:
-            return newest  # it would lie behind the bound
+            return newest  # a match that begins with a new fact is greater than the bound
         # Candidates come oldest first, so the new ones are at the end.
         for fact in reversed(self.candidates(step)):
             if fact.serial <= self._since:
@@ -143,4 +144,4 @@ class Fresh(Search):
     def _failed(self, step: int, found: Found, reason: str) -> None:
         # A conjunct before the front atom has failed without the new fact already, and was reported then.
         if step > self._plan.place:
-            self._tell(step, self._in_order(found), reason)
+            self._on_new_failure(step, self._in_order(found), reason)

@@ -1,7 +1,7 @@
-"""What a start fact binds, and what a finish fact's pattern is then (paper III.E).
+"""Binding of a start fact's variables and instantiation of the finish pattern (paper III.E).
 
-The robot of a job and the one that watches for its finish fact work this out alike, each for itself, from the
-same start fact.
+The robot of a job and the robot that watches for its finish fact both compute this from the same start fact, so the
+bindings need not be sent.
 """
 
 from rmr.base.values import Robot, Value
@@ -11,11 +11,11 @@ from rmr.vm.match import pattern_agrees
 from rmr.vm.store import Args
 
 Bindings = tuple[Value | None, ...]
-"""What an assertion's slots are; None: nothing yet."""
+"""Values of an assertion's slots; None: unbound."""
 
 
 def bind(slots: int, patterns: tuple[Pattern, ...], args: Args, robot: Robot) -> Bindings | None:
-    """Return the slots as `args` bind them through `patterns`, or None if they do not match; slot 0 is `robot`."""
+    """Return the slots that `args` bind through `patterns`, or None if they do not match; slot 0 is `robot`."""
     bindings: list[Value | None] = [None] * slots
     bindings[SELF_SLOT] = robot
     if not pattern_agrees(patterns, args, tuple(bindings)):
@@ -27,7 +27,7 @@ def bind(slots: int, patterns: tuple[Pattern, ...], args: Args, robot: Robot) ->
 
 
 def instantiate(pattern: Pattern, bindings: Bindings) -> Pattern:
-    """Return `pattern` with its variable replaced by what it is bound to."""
+    """Return `pattern` with a bound variable replaced by its value."""
     if isinstance(pattern, Slot):
         value = bindings[pattern.index]
         return pattern if value is None else Constant(value)
@@ -35,11 +35,11 @@ def instantiate(pattern: Pattern, bindings: Bindings) -> Pattern:
 
 
 def robot_of(pattern: Pattern, bindings: Bindings) -> Robot | None:
-    """Return the robot that `pattern` names under `bindings`; None if it is none."""
+    """Return the robot that `pattern` denotes under `bindings`; None if its value is no robot."""
     named = instantiate(pattern, bindings)
     return named.value if isinstance(named, Constant) and type(named.value) is Robot else None
 
 
 def key_of(patterns: tuple[Pattern, ...]) -> tuple[object, ...]:
-    """Return a key that two patterns share if they are the same; values that Python calls equal may not be."""
+    """Return a key that is equal for identical patterns only; it distinguishes 1, 1.0 and True, unlike Python's ==."""
     return tuple([identity(p.value) if isinstance(p, Constant) else repr(p) for p in patterns])

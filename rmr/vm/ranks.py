@@ -22,11 +22,11 @@ RuleRanks = dict[int, int]
 """By rule: its rank, or SEARCH. A rule that is missing has none."""
 
 SEARCH = -1
-"""Stands for a rank that differs between the firings of a rule."""
+"""Placeholder for a rank that differs between the firings of a rule and must be searched for."""
 
 
 class Leads:
-    """Which rules lead to goals of a predicate, looked for when it is first asked."""
+    """The rules that lead to goals of a predicate, computed on first use."""
 
     __slots__ = ("_known", "_look")
 
@@ -35,7 +35,7 @@ class Leads:
         self._known: dict[int, list[int]] = {}
 
     def to(self, predicate: int) -> list[int]:
-        """Return the rules from which something leads, or seems to lead, to a goal of `predicate`."""
+        """Return a superset of the rules that lead to a goal of `predicate`."""
         rules = self._known.get(predicate)
         if rules is None:
             rules = self._known[predicate] = self._look(predicate)
@@ -43,7 +43,7 @@ class Leads:
 
 
 class Stated:
-    """What the compiler has worked out for the goals that a program states for a robot."""
+    """The compiler's ranks for the goals that a program states for a robot."""
 
     __slots__ = ("leads", "ranks")
 
@@ -56,7 +56,7 @@ class Stated:
 
 
 class Reading:
-    """What all robots of a program share: what is stated of its goals, and the program read backwards."""
+    """The data shared by all robots of a program: the compiler's ranks, and the index for backward chaining."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -64,18 +64,18 @@ class Reading:
         self._stated = [(goal, _ranks(goal.leads)) for goal in program.goals if goal.leads is not None]
         alike = all(goal.owner is None and HOME not in goal.args for goal, _ in self._stated)
         self._alike = self._work_out(Robot(0)) if alike else None
-        """What is stated for all robots alike."""
+        """The compiler's ranks if they are the same for all robots, else None."""
         self.leads = Leads(self._lead)
 
     @property
     def backwards(self) -> Backwards:
-        """The program read backwards, when it first has to be."""
+        """The index for backward chaining, made on first use."""
         if self._read is None:
             self._read = Backwards(self._program)
         return self._read
 
     def stated(self, robot: Robot) -> Stated:
-        """Return what the compiler has worked out for the goals of `robot`."""
+        """Return the compiler's ranks for the goals of `robot`."""
         return self._work_out(robot) if self._alike is None else self._alike
 
     def _work_out(self, robot: Robot) -> Stated:
@@ -98,7 +98,7 @@ def _ranks(leads: Iterable[Lead]) -> RuleRanks:
 
 
 reading = ByIdentity(Reading)
-"""Returns what the robots of a program share."""
+"""Returns the data shared by the robots of a program."""
 
 
 def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
@@ -111,13 +111,13 @@ def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
 
 
 def nearer(one: int, other: int) -> int:
-    """Return the nearer rank; nothing is nearer than 0."""
+    """Return the lower rank; SEARCH if it must be searched for, unless one of the two is 0, the lowest possible."""
     # SEARCH is -1: the minimum is SEARCH if either is, which is right unless the other one is 0, the best rank.
     return min(one, other) if SEARCH not in (one, other) or 0 not in (one, other) else 0
 
 
 def goal_key(predicate: int, args: Patterns) -> GoalKey:
-    """Return a key that two goals share if they are written the same."""
+    """Return a key that is equal for identical goals only."""
     return predicate, tuple([identity(arg.value) if isinstance(arg, Constant) else repr(arg) for arg in args])
 
 
@@ -127,7 +127,7 @@ def here(args: Patterns, robot: Robot) -> Patterns:
 
 
 class Ranks:
-    """The ranks of one robot's firings; nothing is read backwards before it has to be."""
+    """The ranks of one robot's firings; backward chaining is used only for goals without ranks from the compiler."""
 
     __slots__ = ("_goals", "_levels", "_nearest", "_ranks", "_reading", "_robot", "_stale", "_stated", "_unstated")
 
@@ -138,7 +138,7 @@ class Ranks:
         self._reading = reading(program)
         self._stated = self._reading.stated(robot)
         self._unstated = False
-        """A goal has been open of which the compiler says nothing."""
+        """Whether a goal without ranks from the compiler has ever been open."""
         self._ranks: RuleRanks | None = None
         self._nearest: dict[int, int] | None = None
         self._levels: Levels | None = None
@@ -164,7 +164,7 @@ class Ranks:
         return min([distances[each] for each in brought if each in distances], default=None)
 
     def is_settled(self, rule: int) -> bool:
-        """Tell whether all firings of `rule` have the same rank, whatever they bring about."""
+        """Return whether all firings of `rule` have the same rank."""
         return self._known(rule) != SEARCH
 
     def of(self, rule: int, facts: Iterable[tuple[int, Args]]) -> int | None:
@@ -185,7 +185,7 @@ class Ranks:
         return ((predicate, args) for predicate, goals in self._goals.items() for args in goals.values())
 
     def _known(self, rule: int) -> int | None:
-        """Return the rank of all firings of a rule, given the open goals; SEARCH if nobody has worked it out."""
+        """Return the rank of all firings of a rule, given the open goals; SEARCH if the compiler has not found it."""
         if self._stale:
             # Computed on demand: between two questions goals may change many times.
             self._stale = False
@@ -197,7 +197,7 @@ class Ranks:
         return SEARCH if self._ranks is None else self._ranks.get(rule)
 
     def _distances(self) -> dict[int, int]:
-        """Return for each predicate from which rules lead to an open goal the lowest rank possible."""
+        """Return, by predicate from which rules lead to an open goal, a lower bound on the rank."""
         if self._nearest is None:
             self._nearest = {}
             for goal in self._goals:

@@ -1,19 +1,19 @@
-"""Fairness among the matches of one rule while an open goal ranks it: round-robin over the facts that it keeps.
+"""Rotor-router: round-robin among the matches of one rule, by the facts that it keeps, while an open goal ranks it.
 
-"The oldest facts go first" alone starves: a robot that looks for a room with a rule ``location(R, A), door(R, A, B) -o
-moveto(R, B)`` goes through the oldest door of each room, and from the second room back, for ever. So of the matches of
-the best rank the one goes first whose kept facts the rule has fired for least recently, or never; the oldest facts
-decide among equals. Each room then sends the robot through its doors in turn: a rotor-router walk, also called Propp
-machine, which visits every edge of a finite strongly connected graph again and again, and each within O(m D) steps
-(m edges, diameter D; Yanovski, Wagner, Bruckstein, "A distributed ant algorithm for efficiently patrolling a network",
-Algorithmica 37, 2003).
+"The oldest facts go first" alone starves matches: a robot that searches for a room with the rule ``location(R, A),
+door(R, A, B) -o moveto(R, B)`` would leave each room by its oldest door, and alternate between two rooms without end.
+So among the matches of the best rank, the first is the one for whose kept facts the rule has fired least recently or
+never; ties are broken by the oldest facts. Each room then sends the robot through its doors in turn. This is a
+rotor-router walk (Propp machine). It visits every edge of a finite strongly connected graph again and again, each
+within O(m D) steps (m edges, diameter D; Yanovski, Wagner, Bruckstein, "A distributed ant algorithm for efficiently
+patrolling a network", Algorithmica 37, 2003).
 
-Kept facts are the persistent, the sensed and the ``$`` ones. They are compared by value, for a sensed fact comes back
-as another one; a sensed float is a measurement, which hardly ever comes back, and is left out. Consumed facts are left
-out, too: they may count. Rules that consume nothing fire once for each match and starve none of them.
+Kept facts are the persistent, the sensed and the ``$`` ones. They are compared by value, for a sensed fact that is
+inserted again is a new fact. A sensed float is left out: it is a measurement and rarely repeats. Consumed facts are
+left out: they may be counters. Rules that consume nothing fire once for each match, so none of their matches starves.
 
-The same memory detects a program that goes in circles: a rule that has fired repeatedly for the same facts, the
-consumed ones included, while no goal was achieved.
+The same memory detects livelock: a rule that has fired repeatedly for the same facts, the consumed ones included, while
+no goal was achieved.
 """
 
 from collections import OrderedDict
@@ -29,28 +29,28 @@ from rmr.vm.machine_events import RuleRepeats, VmEvent
 from rmr.vm.store import Args, is_open
 
 ROTOR_MATCHES_MAX = 256
-"""Oldest matches of the best rank that are compared: more than a room has doors, and few enough to examine all of them
-at every firing."""
+"""Matches of the best rank that are compared, the oldest ones: more than a room has doors, and few enough to examine
+all of them at every firing."""
 
 ROTOR_MEMORY_MAX = 100_000
-"""Combinations of kept facts whose last firing is remembered; the least recent one is forgotten."""
+"""Combinations of kept facts whose last firing is remembered; beyond that the least recent one is forgotten."""
 
-REPEATS_TOLD = 20
-"""Repeated firings for the same facts after which a rule is reported: a walk through some dozen rooms takes fewer."""
+REPEATS_REPORTED = 20
+"""Repeated firings for the same facts after which a rule is reported: a walk through a dozen rooms has fewer."""
 
 Key = tuple[Hashable, ...]
 """The rule, then the values of each kept fact."""
 
 
 class KeptAtom(NamedTuple):
-    """How a match's kept fact is recognised."""
+    """Projection of a match's kept fact onto the values that identify it."""
 
     place: int
     """Among the match's facts."""
     positions: tuple[int, ...] | None
-    """The arguments that count; None: all."""
+    """Positions of the identifying arguments; None: all."""
     is_open: bool
-    """Values of different kinds may meet."""
+    """Whether an argument has an open type, so that 1 and 1.0 must be kept apart."""
 
 
 class RotorPlan(NamedTuple):
@@ -72,7 +72,7 @@ class LastFiring:
         self.repeats = 0
         """Firings in a row that consumed the same values, with no goal achieved between them."""
         self.achieved = 0
-        """Goals achieved before."""
+        """Number of goals achieved before that firing."""
 
 
 def _plan(rule: Rule, predicates: Sequence[Predicate]) -> RotorPlan:
@@ -98,9 +98,9 @@ _plans: ByIdentity[Program, tuple[RotorPlan, ...]] = ByIdentity(
 
 
 class Rotor:
-    """For what kept facts each rule of one robot has fired while a goal ranked it."""
+    """Memory of the last firing of each rule of one robot, by its kept facts, while a goal ranked it."""
 
-    __slots__ = ("_dropped", "_events", "_last", "_plans", "_told", "_turn", "_turning")
+    __slots__ = ("_dropped", "_events", "_last", "_plans", "_reported", "_turn", "_turning")
 
     def __init__(self, program: Program, events: list[VmEvent], dropped: Dropped) -> None:
         """Report rules that repeat themselves to `events`, each once."""
@@ -112,19 +112,19 @@ class Rotor:
         self._turn = 0
         self._turning: set[int] = set()
         """The rules with kept facts that have fired."""
-        self._told: set[int] = set()
+        self._reported: set[int] = set()
 
     def turns(self, rule: int) -> bool:
-        """Tell whether the last firings of `rule` may decide which of its matches goes first."""
+        """Return whether matches of `rule` take turns: it has kept facts and has fired."""
         return rule in self._turning
 
     def last(self, rule: int, facts: Sequence[Args]) -> int:
-        """Return when `rule` fired last for the kept ones of a match's facts: 0 never, else the greater the later."""
+        """Return the turn of the last firing of `rule` for the kept facts of a match; 0: never."""
         found = self._last.get(self._key(rule, facts))
         return 0 if found is None else found.turn
 
     def fire(self, now: Instant, rule: int, facts: Sequence[Args], achieved: int) -> None:
-        """Note that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
+        """Record that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
         key = self._key(rule, facts)
         plan = self._plans[rule]
         # The memory is an LRU cache: a key that fires moves to the end, and the front is evicted.
@@ -147,8 +147,8 @@ class Rotor:
             self._dropped.add("rotor", ROTOR_MEMORY_MAX, now)
         if plan.kept:  # without kept facts all matches have one key, and there is nothing to take turns
             self._turning.add(rule)
-        if found.repeats >= REPEATS_TOLD and rule not in self._told:
-            self._told.add(rule)
+        if found.repeats >= REPEATS_REPORTED and rule not in self._reported:
+            self._reported.add(rule)
             self._events.append(RuleRepeats(rule, found.repeats, now))
 
     def _key(self, rule: int, facts: Sequence[Args]) -> Key:

@@ -1,7 +1,7 @@
-"""The state of one machine that runs generated code (`rmr.vm.generate`), and what that code seldom asks for.
+"""The state of one machine that runs generated code (`rmr.vm.generate`), and the slow paths of that code.
 
-Above all that is matching anew: a rule of which an expression has had no value, or that looks for facts that are not
-there, is matched after each change as the specification does it.
+The main slow path is the rematch: a rule with ``not``, or one whose expression has had no value, is matched from
+scratch after each change, in the order of the specification.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,7 +22,7 @@ from rmr.vm.store import Args
 from rmr.vm.unfired import Entry, HeldFact, SeenFact, Unfired, Valued, key_of
 
 SEVERAL = 16
-"""Facts of one predicate from which on they are inserted all at once."""
+"""Number of facts of one predicate from which a batch insertion (`Module.several`) is worth its compilation."""
 
 
 class Running(Machine):
@@ -47,7 +47,9 @@ class Running(Machine):
 
     module: Module
     looking: tuple[tuple[int, int, int], Sequence[HeldFact]] | None
-    """Where the search is: the rule, its part and the step there, and the facts before. None: it may begin anew."""
+    """Place of the running search for its failure report: rule, part and step, and the facts found before.
+
+    None: an exhausted budget is not reported, for the search is restarted in another way."""
 
     def __init__(
         self,
@@ -62,31 +64,32 @@ class Running(Machine):
         self.newest = 0
         """The serial of the fact that was inserted last."""
         self.count = 0
-        """How many facts there are."""
+        """Number of facts."""
         self.length = 0
-        """How many characters and items their strings and lists hold."""
+        """Total length of their strings and lists, in characters and items."""
         self.ready = 0
-        """The rules that are satisfied, a bit each; those that are `stale` may be or not."""
+        """Bit set of the satisfied rules; the bits of `stale` rules are not valid."""
         self.stale = self.module.at_first
+        """Bit set of the rules that must be matched again before the next firing."""
         self.changed = self.module.at_first
-        """Of the rules that are matched anew: those that something has changed for."""
+        """Bit set of the rematched rules with a changed fact since their last search."""
         self.looks = 0
-        """How many more facts the search may look at."""
+        """Remaining search budget: facts that the search may still examine."""
         self.looking = None
         self.broken = 0
-        """The rules that are matched anew from now on because an expression of theirs had no value."""
+        """Bit set of the rules that are rematched from now on because one of their expressions had no value."""
         self.touched = 0
-        """While goals are open: the rules that something has changed for."""
+        """While goals are open: bit set of the rules with a changed fact since they were last ranked."""
         self.wanting = False
         """Whether goals are open."""
         self.observed = trace
         """Whether each insertion and removal is reported: facts are traced or goals are open."""
         self.fired: dict[int, Unfired] = {}
-        """Of the rules that are matched anew and consume nothing: which matches have fired."""
+        """Refraction memory of the rematched rules that consume nothing."""
         self.busy = bool(self.module.plans)
         self.module.reset(self)
 
-    # What the machine asks
+    # Called by the machine
 
     def each(self, predicate: int) -> Iterator[Args]:
         """Yield the arguments of the facts of `predicate` that hold, oldest first."""
@@ -121,14 +124,14 @@ class Running(Machine):
         if fact is not None:
             self.module.remove[predicate](self, now, fact)
 
-    # What the generated code asks
+    # Called by generated code
 
     def is_full(self, now: Instant) -> bool:
-        """Tell whether one more fact is too many, and count it as dropped."""
+        """Return whether the store is full; then count one fact as dropped."""
         return self._is_full(now, self.count, self.length)
 
     def concern(self, now: Instant, predicate: int, args: Args) -> None:
-        """Let the time assertions know of a new fact that may concern them, unless `on_insert` does."""
+        """Pass a new fact to the time assertions, unless `on_insert` does."""
         if not self.observed:
             self._inserted(now, predicate, args)
 
@@ -153,7 +156,7 @@ class Running(Machine):
         return sorted([fact for fact in facts if fact is not None and fact[HELD]])
 
     def give_up(self) -> None:
-        """Tell, once, that a search for matches has looked at too many facts; if it is not to begin anew otherwise."""
+        """Report, once, that a search has used its budget, unless it is restarted in another way (`looking`)."""
         if self.looking is None:
             return
         (rule, part, step), facts = self.looking
@@ -161,18 +164,18 @@ class Running(Machine):
         self.failed(self._now, rule, part, step, facts, reason)
 
     def spill(self, kept: list[Entry], now: Instant) -> None:
-        """Drop the newest of too many matches that have not fired."""
+        """Drop the newest of the unfired matches beyond `MATCHES_MAX`; `kept` has the oldest last."""
         for _ in range(len(kept) - once.MATCHES_MAX):
             self._dropped.add("matches", once.MATCHES_MAX, now)
         del kept[: -once.MATCHES_MAX]
 
     def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[HeldFact], reason: NoValue) -> None:
-        """Tell, once, that an expression has no value."""
+        """Report, once, that an expression has no value."""
         seen: Any = [SeenFact(fact) for fact in facts]
         self._failures.match(now, rule, part, step, seen, str(reason))
 
     def apply(self, now: Instant, valued: Valued) -> None:
-        """Do what a firing does: remove what it consumes, then add what it derives."""
+        """Apply a firing: remove the consumed facts, then derive the chains."""
         consumed, derived = valued
         remove = self.module.remove
         for predicate, fact in consumed:
@@ -181,7 +184,7 @@ class Running(Machine):
             self._follow(now, chain)
 
     def rematch(self, rule: int, now: Instant) -> None:
-        """Look for the match with which a rule fires as the specification does."""
+        """Find the match with which a rule fires next, by the search of the specification."""
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
             valued = self._worked_out(plan.functions.value, entry, now) if plan.valued else None
@@ -191,10 +194,12 @@ class Running(Machine):
         self._offer(plan, None, None)
 
     def break_off(self, rule: int, now: Instant) -> None:
-        """Match a rule anew from now on: an expression of it had no value, and which failures are told matters."""
+        """Rematch a rule from now on: an expression had no value, and the failures reported are part of the result."""
         plan = self.module.plans[rule]
         self.module.slow(rule)
         if plan.once:
+            # The incremental search forgets fired matches, a rematch must know them: they are the matches that it had
+            # reached, by its serial numbers, and no longer keeps as unfired.
             unfired = set(map(key_of, self._kept(plan)))
             known = getattr(self, plan.slots.joined_up_to) if plan.way is Way.JOIN else self.newest
             last = getattr(self, plan.slots.last_top) if plan.way is Way.JOIN else self.newest
@@ -208,7 +213,7 @@ class Running(Machine):
     # Matching anew
 
     def _each(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
-        """Yield all matches of a rule, fired or not, and tell what fails."""
+        """Yield all matches of a rule, fired or not, and report failures."""
         each: Iterator[Entry] = self.module.names[plan.functions.each](self, now)
         return each
 
@@ -217,14 +222,14 @@ class Running(Machine):
         return self._worked_out(plan.functions.derive, entry, now)
 
     def _worked_out(self, function: str, entry: Entry, now: Instant) -> Valued | None:
-        """Return what a match derives; the search that has found it goes on counting where it was."""
+        """Return the effect of a match; the budget of the search that found it is saved and restored."""
         before = self.looks, self.looking
         valued: Valued | None = self.module.names[function](self, now, *entry)
         self.looks, self.looking = before
         return valued
 
     def _matches(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
-        """Yield the matches with which a rule that is matched anew may fire."""
+        """Yield the matches with which a rematched rule may fire."""
         if not plan.once:
             return self._each(plan, now)
         unfired = self.fired.setdefault(plan.index, Unfired(set()))
@@ -234,7 +239,7 @@ class Running(Machine):
         return unfired.each()
 
     def _offer(self, plan: RulePlan, entry: Entry | None, valued: Valued | None) -> None:
-        """Make a match, or none, the one with which a rule that is matched anew fires next."""
+        """Set the match with which a rematched rule fires next, or none."""
         slots = plan.slots
         if plan.way is Way.SINGLE:
             setattr(self, slots.match, None if entry is None else entry[0])
@@ -244,13 +249,14 @@ class Running(Machine):
         if plan.way is Way.JOIN:
             for name in (slots.queue, *plan.join_slots):
                 setattr(self, name, None)
-            setattr(self, slots.last_top, 1)  # facts that are not the first atom's count too
+            # Not 0: new facts of the other atoms are ignored before the first top is tried, and must not be here.
+            setattr(self, slots.last_top, 1)
         if plan.valued:
             setattr(self, slots.valued, valued)
         self.ready = self.ready & ~plan.bit if entry is None else self.ready | plan.bit
 
     def _kept(self, plan: RulePlan, *, everything: bool = False, now: Instant = 0) -> list[Entry]:
-        """Return the matches that a rule keeps, the oldest first; `everything` tries the tops that are left before."""
+        """Return the matches that a rule keeps, the oldest first; with `everything`, search the untried tops before."""
         slots = plan.slots
         if plan.way is Way.SINGLE:
             facts = [getattr(self, slots.match), *self._waiting(plan)]

@@ -1,6 +1,6 @@
-"""What a program says to all robots that run it: worked out once in a process.
+"""Data that depends on the program alone, computed once in a process and shared by all its machines.
 
-A thousand robots of one process run one program. What a machine carries for itself is what has happened to it.
+A thousand robots of one process may run one program. A machine's own state holds only what has happened to it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -9,9 +9,9 @@ from typing import NamedTuple
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Effect, InitialFact, Kind, Program, Slot
-from rmr.vm.doubts import Doubts, doubts
 from rmr.vm.outside import Gate
 from rmr.vm.store import Args
+from rmr.vm.type_checks import TypeChecks, type_checks
 
 ROBOT_NUMBER = "id"
 """The provided persistent predicate ``!id(R, N)``."""
@@ -21,12 +21,12 @@ Mine = tuple[tuple[int, Assertion], ...]
 """The time assertions of which a robot may have jobs, with their indices."""
 
 
-Effects = tuple[tuple[Effect, Doubts], ...]
-"""Effects, each with what its text leaves in doubt."""
+Effects = tuple[tuple[Effect, TypeChecks], ...]
+"""Effects of an action, each with its run-time type checks."""
 
 
 class Affairs(NamedTuple):
-    """What one robot has to do with the time assertions; the same for all robots that none of them names."""
+    """The time assertions that involve one robot; the same for all robots that none of them names."""
 
     mine: Mine
     concerned: frozenset[int]
@@ -36,17 +36,17 @@ class Affairs(NamedTuple):
 
 
 class Shared:
-    """What a program says to all its robots."""
+    """The shared data of one program."""
 
     __slots__ = ("_affairs", "_alike", "_effects", "_named", "_program", "_stated", "gate", "number", "violations")
 
     def __init__(self, program: Program) -> None:
         number = program.index(ROBOT_NUMBER)
         self.number = number if number is not None and program.predicates[number].provided else None
-        """The index of `ROBOT_NUMBER` if robots are to know theirs."""
+        """The index of `ROBOT_NUMBER` if the program uses it: each machine then inserts its own number."""
         self.gate = Gate(program.predicates)
         self._stated = [(fact, any(isinstance(arg, Slot) for arg in fact.args)) for fact in program.facts]
-        """The stated facts, each with whether the robot itself stands in it."""
+        """The stated facts, each with whether the robot itself is one of its arguments."""
         alike = all(fact.owner is None and not itself for fact, itself in self._stated)
         self._alike: list[tuple[int, Args]] | None = list(self._each_fact(0)) if alike else None
         """Their predicates and arguments if they are the same for all robots, else None."""
@@ -54,16 +54,18 @@ class Shared:
             tuple([_effects(effects, program) for effects in (predicate.else_effects, predicate.effects)])
             for predicate in program.predicates
         ]
-        """What an action's failure inserts, and its completion."""
-        self.violations = [(each.violation, doubts(each.violation, program.predicates)) for each in program.assertions]
-        """Of the time assertions, with what their texts leave in doubt."""
+        """By action: the effects of its failure (index False) and of its completion (index True)."""
+        self.violations = [
+            (each.violation, type_checks(each.violation, program.predicates)) for each in program.assertions
+        ]
+        """By time assertion: its violation and the run-time type checks of that."""
         self._affairs = _affairs(program, None)
         self._named: dict[int, Affairs | None] = dict.fromkeys(_robots(program))
-        """Those of the robots that time assertions name, once there are such robots in this process."""
+        """By robot that a time assertion names: its `Affairs`, None until they are first requested."""
         self._program = program
 
     def affairs(self, robot: Robot) -> Affairs:
-        """Return what `robot` has to do with the time assertions."""
+        """Return the time assertions that involve `robot`."""
         if robot not in self._named:
             return self._affairs
         affairs = self._named[robot]
@@ -72,7 +74,7 @@ class Shared:
         return affairs
 
     def effects(self, action: int, ok: bool) -> Effects:
-        """Return what the end of an action inserts; facts that are sensed are left to the senses."""
+        """Return the facts that the end of an action inserts; effects on sensed predicates are left to the sensors."""
         return self._effects[action][ok]
 
     def facts(self, robot: Robot) -> Iterable[tuple[int, Args]]:
@@ -86,13 +88,13 @@ class Shared:
 
 
 shared_of = ByIdentity(Shared)
-"""Returns what the robots of a program share."""
+"""Returns the shared data of a program."""
 
 
 def _effects(effects: tuple[Effect, ...], program: Program) -> Effects:
     predicates = program.predicates
     derived = [each for each in effects if predicates[each.predicate].kind is not Kind.SENSED]
-    return tuple([(each, doubts(each, predicates)) for each in derived])
+    return tuple([(each, type_checks(each, predicates)) for each in derived])
 
 
 def _args(fact: InitialFact, robot: Robot) -> tuple[Value, ...]:
@@ -109,7 +111,7 @@ def _robots(program: Program) -> Iterator[int]:
 
 
 def _affairs(program: Program, robot: int | None) -> Affairs:
-    """Return what a robot has to do with the time assertions; None: one that they do not name."""
+    """Return the time assertions that involve a robot; None stands for any robot that they do not name."""
     mine = tuple([(i, each) for i, each in enumerate(program.assertions) if each.robot in (None, robot)])
     return Affairs(
         mine,
@@ -119,7 +121,7 @@ def _affairs(program: Program, robot: int | None) -> Affairs:
 
 
 def _may_be_asked(assertion: Assertion, robot: int | None) -> bool:
-    """Tell whether the finish fact may be `robot`'s while the job is another's."""
+    """Return whether `robot` may own the finish fact of another robot's job."""
     finisher = assertion.finisher
     if isinstance(finisher, Constant):
         return finisher.value == robot and assertion.robot != robot

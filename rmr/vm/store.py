@@ -1,10 +1,11 @@
-"""The facts of one robot: the paper's tiny database (V.B.3), insert, delete, query.
+"""The fact store of one robot: the paper's tiny database (V.B.3), with insert, delete and query.
 
-Temporary facts are linear resources: a multiset, each insertion a fact of its own. Persistent and sensed
-facts are sets. Every fact has a serial number, so that "oldest first" is insertion order, and the instant of its
-insertion; a fact that is withdrawn and comes back is a new one. A table indexes an argument once somebody probes
-it in a table that is worth it. Values that Python calls equal but the language does not (1 and @1) meet only
-where no type is fixed; the matcher compares those strictly.
+Temporary facts are linear resources: a multiset, in which each insertion is a fact of its own. Persistent and sensed
+facts are sets. Every fact has a serial number, so "oldest first" is the order of insertion, and the instant of its
+insertion. A fact that is withdrawn and inserted again is a new one.
+
+A table of `INDEX_FROM` or more facts builds an index of an argument when it is first probed. Values that are equal in
+Python but not in the language (1 and @1) meet only in arguments of open type; the matcher compares those strictly.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +21,7 @@ HOLES_MAX = 1024
 """Removals after which a table is rebuilt: a Python dict keeps the holes, and iteration from the front skips them."""
 
 LONG = (Base.STRING, Base.LIST, Base.OPEN)
-"""Types of which a program can make ever longer values."""
+"""Types without a bound on the length of their values."""
 
 INDEX_FROM = 12
 """Facts of a predicate from which on probing an index is cheaper than examining each fact."""
@@ -29,7 +30,7 @@ Args = tuple[Value, ...]
 
 
 class Holdings(Protocol):
-    """What the parts of a machine that are no rules ask of its facts."""
+    """Read access to a machine's facts, for goals, jobs and watches."""
 
     def each(self, predicate: int) -> Iterable[Args]:
         """Return the arguments of the facts of `predicate` that hold, oldest first."""
@@ -73,7 +74,7 @@ class StoreTable:
         self.linear = predicate.kind is Kind.TEMPORARY
         self.facts: dict[int, Fact] = {}
         self.newest = 0
-        """The serial of the fact that was inserted last, be it there or not."""
+        """Serial of the last fact inserted; the fact may have been removed since."""
         self._holes = 0
         self._open = any(is_open(kind) for kind in predicate.types)
         self._long = tuple(place for place, kind in enumerate(predicate.types) if kind.base in LONG)
@@ -81,7 +82,7 @@ class StoreTable:
         self._indices: dict[int, dict[Value, dict[int, Fact]]] = {}
 
     def length(self, args: Args) -> int:
-        """Return how many characters and items the arguments hold whose types set no bound to that."""
+        """Return the total length, in characters and items, of the arguments of unbounded types (`LONG`)."""
         return sum([length(args[place]) for place in self._long]) if self._long else 0
 
     def find(self, args: Args) -> Fact | None:
@@ -89,7 +90,7 @@ class StoreTable:
         return self._known.get(identity(args) if self._open else args)
 
     def add(self, fact: Fact) -> None:
-        """Hold `fact`; of a set it is new."""
+        """Add `fact`; a set must not hold an equal one."""
         self.facts[fact.serial] = fact
         self.newest = fact.serial
         if not self.linear:
@@ -109,11 +110,11 @@ class StoreTable:
         for position, index in self._indices.items():
             bucket = index[fact.args[position]]
             del bucket[fact.serial]
-            if not bucket:  # or an index of ever new values would grow without bound
+            if not bucket:  # else an index of ever new values would grow without bound
                 del index[fact.args[position]]
 
     def probe(self, position: int, value: Value) -> Facts:
-        """Return facts, oldest first, among them all whose argument at `position` is `value`."""
+        """Return a superset of the facts whose argument at `position` is `value`, oldest first."""
         if len(self.facts) < INDEX_FROM:
             return self.facts.values()
         index = self._indices.get(position)
@@ -149,12 +150,12 @@ class Store:
         return [(fact.args, fact.at) for fact in self.tables[predicate].facts.values()]
 
     def has(self, predicate: int, args: Args) -> bool:
-        """Tell whether inserting the fact would be none: it is one of a set and holds already."""
+        """Return whether a set holds the fact already, so that its insertion would change nothing."""
         table = self.tables[predicate]
         return not table.linear and table.find(args) is not None
 
     def insert(self, predicate: int, args: Args, now: Instant) -> Fact:
-        """Insert a fact, which is no member of a set that holds already."""
+        """Insert a fact for which `has` is False."""
         self.newest += 1
         self.count += 1
         table = self.tables[predicate]
@@ -172,7 +173,7 @@ class Store:
 
 
 def is_open(kind: Type) -> bool:
-    """Tell whether nothing fixes (a part of) the type."""
+    """Return whether the type, or the type of a list's items, is not fixed."""
     if kind.base is Base.LIST:
         return kind.element is None or is_open(kind.element)
     return kind.base is Base.OPEN

@@ -1,9 +1,9 @@
 """Actions under way, and the chains of steps that wait for their ends (``a(R) then b(R)``).
 
-The robot awaits the end of each action that it executes, for its effects, and of each that a step follows,
-whoever executes it. An action has a serial by which its end is reported; one of another robot has it on the
-robot that derived it, and its executor learns it as the action's origin. Both tables are bounded: an end that
-never comes, because the executor is gone, costs the place of one entry and no more.
+A robot awaits the end of each action that it executes, because of the effects, and of each action with a following
+step, on every executor. The end of an action is reported by its serial. The serial belongs to the robot that derived
+the action; another executor knows it as the action's origin. Both tables are bounded: an end that never comes, because
+the executor is gone, occupies one entry.
 """
 
 from typing import NamedTuple
@@ -15,18 +15,18 @@ from rmr.vm.derive import Chain
 from rmr.vm.machine_events import ActionDerived, Args
 
 ACTIONS_MAX = 1024
-"""Actions of which the end is awaited; beyond that the oldest are forgotten."""
+"""Actions whose end is awaited; beyond that the oldest one is forgotten."""
 
 CHAINS_MAX = 256
 """Chains that wait for an action's end; beyond that the oldest is dropped. Each holds up to a whole head."""
 
 
 class Awaited(NamedTuple):
-    """An action of which the end is awaited."""
+    """An action whose end is awaited."""
 
     action: ActionDerived
     then: Chain
-    """The steps behind it."""
+    """The steps that follow it."""
 
 
 class UnderWay:
@@ -39,7 +39,7 @@ class UnderWay:
         self._dropped = dropped
         self._serial = 0
         self._forgotten = 0
-        """The serial of the last action that was forgotten: those that are awaited are younger."""
+        """Serial of the last action that was forgotten: all awaited actions have a greater one."""
         self._actions: dict[int, ActionDerived] = {}
         self._chains: dict[int, Chain] = {}
 
@@ -52,7 +52,7 @@ class UnderWay:
         then: Chain = (),
         origin: tuple[int, int] | None = None,
     ) -> ActionDerived:
-        """Return the report of an action which this robot executes, or behind which there are steps."""
+        """Return the event of an action that this robot executes, or that steps follow."""
         actions = self._actions
         if len(actions) >= ACTIONS_MAX or (then and len(self._chains) >= CHAINS_MAX):
             self._make_room(now, bool(then))
@@ -63,7 +63,10 @@ class UnderWay:
         return action
 
     def end(self, serial: int, executor: int | None) -> Awaited | None:
-        """Take out an action that has ended; None if it is not awaited, or not from `executor` (None: anybody)."""
+        """Remove and return an action that has ended; None if it is not awaited, or `executor` does not execute it.
+
+        An `executor` of None passes every action.
+        """
         action = self._actions.get(serial)
         if action is None or executor not in (None, action.executor):
             return None
@@ -74,7 +77,7 @@ class UnderWay:
         """Forget the oldest action, or drop the oldest chain, where another one would be too many."""
         if len(self._actions) >= ACTIONS_MAX:
             oldest = self._forgotten + 1
-            if oldest not in self._actions:  # seldom: to find its first a dictionary passes over all that have gone
+            if oldest not in self._actions:  # rare: finding the first key of a dict skips all deleted entries before it
                 oldest = next(iter(self._actions))
             self._forgotten = oldest
             del self._actions[oldest]
@@ -85,4 +88,4 @@ class UnderWay:
             del self._chains[oldest]
             self._dropped.add("chains", CHAINS_MAX, now)
             if self._actions[oldest].executor != self._robot:
-                del self._actions[oldest]  # awaited for nothing else
+                del self._actions[oldest]  # it was awaited for its chain alone

@@ -1,6 +1,6 @@
-"""Matches as generated machines keep them, and which of a rule's have fired.
+"""Matches in generated machines, and the refraction memory of a rule that is rematched.
 
-A match is named by the serials of its facts: they grow, and a fact that comes back has a new one.
+A match is identified by the serial numbers of its facts: they grow, and a fact that is inserted again has a new one.
 """
 
 from collections.abc import Iterator
@@ -17,14 +17,14 @@ Entry = tuple[HeldFact, ...]
 """The facts of a match."""
 
 Key = tuple[int, ...]
-"""Their serials, which name the match for ever."""
+"""The serials of a match's facts: its identity over the whole run."""
 
 Valued = tuple[list[tuple[int, HeldFact]], list[Chain]]
-"""What a match consumes, each fact behind its predicate, and derives."""
+"""The effect of a match: the consumed facts, each with its predicate, and the derived chains."""
 
 
 class SeenFact:
-    """A fact as failures remember it."""
+    """Adapter of a fact to the interface that `Failures` needs (`serial`, `held`)."""
 
     __slots__ = ("_fact", "serial")
 
@@ -44,7 +44,7 @@ def key_of(entry: Entry) -> Key:
 
 
 class Unfired:
-    """Which matches of a rule that consumes nothing, and is matched anew, have fired and which not."""
+    """The fired and the unfired matches of a rule that consumes nothing and is rematched after each change."""
 
     __slots__ = ("_complete", "_fired", "_left")
 
@@ -53,16 +53,16 @@ class Unfired:
         self._fired = fired
         self._left: list[Entry] = []
         self._complete = True
-        """Of those that have not fired all are in what is left."""
+        """Whether `_left` holds all matches that have not fired."""
 
     @property
     def is_used_up(self) -> bool:
-        """Whether nothing is left although there was more than is kept."""
+        """Whether all kept matches have fired although there are more than were kept."""
         self._forget_gone()
         return not self._left and not self._complete
 
     def look(self, matches: Iterator[Entry]) -> None:
-        """Take all `matches` that there are now: forget the fired ones that are gone."""
+        """Replace the memory by all `matches` that hold now: forget the fired ones that no longer hold."""
         found: set[Key] = set()
         left: list[Entry] = []
         self._complete = True
@@ -82,7 +82,7 @@ class Unfired:
         return (entry for entry in reversed(self._left) if self._stands(entry))
 
     def fire(self, entry: Entry) -> None:
-        """Note that a match has fired."""
+        """Record that a match has fired."""
         self._fired.add(key_of(entry))
 
     def _forget_gone(self) -> None:

@@ -1,10 +1,12 @@
-"""Finish facts for which jobs of other robots wait (`assert` across robots, paper III.E).
+"""Watches: subscriptions of other robots' jobs to finish facts of this robot (`assert` across robots, paper III.E).
 
-A job lives with the robot of its start fact. If the finish fact belongs to another robot, that robot is asked for
-it, and this is its side: a watch stands until the first matching insertion, which is reported with its time. The
-request takes a while to arrive, so what was inserted since the job's start counts too: a persistent or sensed
-fact that holds counts at once, as of the later of the start and its insertion, and of facts that come and go the
-newest are remembered. A job that starts anew asks again, and its older watch goes.
+A job is kept by the robot of its start fact. If the finish fact belongs to another robot, that robot is asked to report
+it; this module is the side that reports. A watch lasts until the first matching insertion, which is reported with its
+time.
+
+A request takes time to arrive, so insertions since the job's start count too. A persistent or sensed fact that holds
+counts at once, as of the later of the start and its insertion. Of temporary facts and of sensed facts that no longer
+hold, the newest are remembered. A job that restarts asks again, which replaces its watch.
 """
 
 from collections.abc import Iterator
@@ -24,11 +26,11 @@ WATCHES_MAX = 256
 """Jobs of other robots for which a fact is watched; beyond that the oldest watch is dropped."""
 
 RECENT_MAX = 256
-"""Facts of each watched predicate that are remembered; a request that is so late that more came misses the oldest."""
+"""Past facts remembered for each watched predicate; a request that arrives after more than these misses the oldest."""
 
 
 class Watch(NamedTuple):
-    """What one job waits for."""
+    """The finish fact that one job waits for."""
 
     watcher: Robot
     assertion: int
@@ -36,7 +38,7 @@ class Watch(NamedTuple):
 
 
 class HeldInterval(NamedTuple):
-    """A fact, and from when until when it held; a temporary one counts at its insertion alone."""
+    """A fact and the interval in which it held; of a temporary fact only the instant of its insertion counts."""
 
     args: Args
     since: Instant
@@ -44,7 +46,7 @@ class HeldInterval(NamedTuple):
 
 
 class Watches:
-    """What one robot watches for others."""
+    """The watches of one robot on behalf of others."""
 
     __slots__ = ("_dropped", "_holdings", "_program", "_recent", "_robot", "_shared", "_watches")
 
@@ -58,7 +60,7 @@ class Watches:
         self._recent: dict[int, list[HeldInterval]] = {}
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> Iterator[FinishSeen]:
-        """Yield the news of a fact for those who wait for it; each watch is over with the first."""
+        """Yield the reports of an inserted fact and end the watches that it matches."""
         if self._program.predicates[predicate].kind is Kind.TEMPORARY:
             self._remember(predicate, HeldInterval(args, now, now))
         for key, watch in list(self._watches.items()):
@@ -68,12 +70,12 @@ class Watches:
                 yield FinishSeen(watch.watcher, watch.assertion, args, now)
 
     def removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
-        """Remember a sensed fact that holds no longer: a request for the time when it did may be under way."""
+        """Remember a sensed fact that no longer holds: a request that covers its interval may still arrive."""
         if self._program.predicates[predicate].kind is Kind.SENSED:
             self._remember(predicate, HeldInterval(args, since, now))
 
     def ask(self, now: Instant, watcher: int, index: int, args: Args, since: Instant) -> FinishSeen | None:
-        """Watch for the finish fact of a job that a fact with `args` started at `since`, or return that it is there.
+        """Watch for the finish fact of a job that a fact with `args` started at `since`, or return its report at once.
 
         Raises:
             ValueError: no such job waits for a fact of this robot.
@@ -85,7 +87,7 @@ class Watches:
             raise ValueError(f"no job of assertion {assertion.name} waits for a fact of this robot")
         patterns = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
         key = (watcher, index, key_of(patterns))
-        self._watches.pop(key, None)
+        self._watches.pop(key, None)  # the watch of an earlier start of the same job
         seen = self._first(assertion.finish.predicate, patterns, since)
         if seen is not None:
             return FinishSeen(watcher, index, seen.args, max(since, seen.since))
@@ -110,8 +112,9 @@ class Watches:
         return assertion
 
     def _first(self, predicate: int, patterns: tuple[Pattern, ...], since: Instant) -> HeldInterval | None:
-        """Return the fact that counted first, of those that hold or are remembered and match."""
+        """Return the earliest matching fact since `since`, among those that hold and those remembered."""
         linear = self._program.predicates[predicate].kind is Kind.TEMPORARY
+        # A fact that holds has no end: `since` serves as one, for it is enough to pass the test below.
         held = [] if linear else [HeldInterval(args, at, since) for args, at in self._holdings.dated(predicate)]
         fits = [
             each

@@ -173,7 +173,7 @@ def sums_without_end(patch: Patch) -> None:
 
 
 def types_without_doubt(patch: Patch) -> None:
-    patch.setattr(derive, "settle", lambda doubts, args: None)
+    patch.setattr(derive, "check_types", lambda checks, args: None)
 
 
 def gone_facts_are_not_remembered(patch: Patch) -> None:

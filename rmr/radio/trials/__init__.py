@@ -27,7 +27,7 @@ REFERENCE = RadioConfig(sensitivity_dbm=-106.58, interference="awgn")
 """The radio of ns-3's lr-wpan model as it comes: an ideal receiver, interference treated like noise."""
 
 SEEDS = 10
-"""Replications unless told otherwise: what it takes for an interval that says something."""
+"""Default number of replications: enough for a meaningful interval."""
 
 Row = dict[str, Any]
 """What an experiment found."""

@@ -24,14 +24,14 @@ RADIUS_M = 10.0
 DRAIN: Duration = NS_PER_S
 """Longer than any frame waits on a channel that can carry its load."""
 SENDERS_MAX = 1_000
-"""So many around one sink are no longer a question of contention."""
+"""Stations around one sink; beyond that nothing is delivered, and the experiment shows nothing."""
 SECONDS_MAX = 86_400.0
 OFFERED_MIN_FPS = 1e-6
 """A frame in eleven days."""
 OFFERED_MAX_FPS = 100_000.0
 """Hundreds of times what the channel carries."""
 SATURATED_FPS = 240.0
-"""A saturated sender gets rid of so many frames at most."""
+"""Upper bound on the frames that one saturated sender sends in a second."""
 FRAMES_MAX = 5_000_000
 """Frames of one run: the story of each is kept to its end, about a gigabyte in all."""
 
@@ -40,7 +40,7 @@ SINK = 0
 
 @dataclass(frozen=True)
 class Contention:
-    """Who sends what to whom. Raises `ValueError` for what cannot be run."""
+    """Parameters of the experiment. Raises `ValueError` for values that cannot be run."""
 
     senders: int
     offered_fps: float | None
@@ -60,7 +60,7 @@ class Contention:
 
 
 def check_load(senders: int, offered_fps: float | None, measured_s: float) -> None:
-    """Raise `ValueError` if so much cannot be offered by `senders`, all together, for so long."""
+    """Raise `ValueError` if a load of `offered_fps`, all `senders` together, or its duration is out of range."""
     if not 0.0 < measured_s <= SECONDS_MAX:
         raise ValueError(f"{measured_s:g} s: write more than 0, at most {SECONDS_MAX:g} (a day)")
     if offered_fps is not None and not OFFERED_MIN_FPS <= offered_fps <= OFFERED_MAX_FPS:

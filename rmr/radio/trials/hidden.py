@@ -39,7 +39,7 @@ B = 0
 
 @dataclass(frozen=True)
 class Hidden:
-    """Who stands where and sends how much. Raises `ValueError` for what cannot be run."""
+    """Parameters of the experiment. Raises `ValueError` for values that cannot be run."""
 
     case: str
     """One of `CASES`."""
@@ -75,7 +75,7 @@ def distances(case: str, config: RadioConfig) -> tuple[float, float]:
 
 
 def _hears(metres: float, config: RadioConfig) -> bool:
-    """Whether a receiver locks on, and so senses, a frame from so far away."""
+    """Whether a receiver at a distance of `metres` locks on to a frame, and so senses it."""
     power_dbm = config.tx_power_dbm - path_loss_db(metres, config.exponent)
     return power_dbm - (config.sensitivity_dbm - NOISE_BELOW_SENSITIVITY_DB) > 10.0 * log10(LOCK_RATIO)
 

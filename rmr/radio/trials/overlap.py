@@ -32,7 +32,7 @@ SECOND = 2
 
 @dataclass(frozen=True)
 class Overlap:
-    """How strong and how late the second frame is. Raises `ValueError` for what cannot be run."""
+    """Power and delay of the second frame. Raises `ValueError` for values that cannot be run."""
 
     sir_db: float
     """Power of the first frame over that of the second."""

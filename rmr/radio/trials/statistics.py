@@ -12,11 +12,11 @@ from math import atan, ceil, cos, pi, sin, sqrt
 from typing import Any
 
 NORMAL_QUANTILE = 1.96
-"""Within so many standard deviations lie 95 % of a normal distribution."""
+"""Quantile of the two-sided 95 % interval of a normal distribution, in standard deviations."""
 DIGITS = 6
 """Decimals of results."""
 FREEDOM_MAX = 200
-"""From so many degrees of freedom on the normal distribution is as good (t is 1.972)."""
+"""Degrees of freedom from which on the normal quantile replaces Student's, which is 1.972 there."""
 
 
 def mean(values: Sequence[float]) -> float:
@@ -30,7 +30,7 @@ def ratio(part: float, whole: float) -> float:
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """Return the least of `values` that `share` of them do not exceed (nearest rank); 0 if there are none."""
+    """Return the percentile by nearest rank: the least value that `share` of `values` do not exceed; 0 if empty."""
     return sorted(values)[max(0, ceil(share * len(values)) - 1)] if values else 0.0
 
 
@@ -63,7 +63,7 @@ def wilson(successes: int, trials: int) -> list[float]:
 
 
 def student_quantile(freedom: int) -> float:
-    """Return within how many standard errors 95 % of Student's distribution lie."""
+    """Return the quantile of the two-sided 95 % interval of Student's t distribution."""
     low = 0.0
     high = 16.0
     while high - low > 1e-9:

@@ -24,13 +24,13 @@ from rmr.radio.trials.places import Place
 PAN = 1
 
 PHASES: Duration = 10 * NS_PER_MS
-"""Within so long saturated senders begin."""
+"""Interval in which saturated senders start, each at a random instant."""
 COUNT_MAX = 100_000
 """Frames of one run that are sent one by one: more than any interval has use for."""
 
 
 class Frame:
-    """The story of one frame; `NEVER` is what has not happened."""
+    """The history of one frame; `NEVER` is the instant of an event that has not happened."""
 
     __slots__ = ("aired", "attempts", "confirmed", "delivered", "offered", "status", "taken")
 
@@ -191,12 +191,12 @@ def check_payload(payload: int) -> None:
 
 
 def check_psdu(psdu: int) -> None:
-    """Raise `ValueError` if no data frame has so many octets."""
+    """Raise `ValueError` if `psdu` is not the size of a data frame, in octets."""
     if not octets_of(0) <= psdu <= PSDU_MAX:
         raise ValueError(f"a PSDU of {psdu} octets: a data frame has {octets_of(0)} to {PSDU_MAX}")
 
 
 def check_count(count: int) -> None:
-    """Raise `ValueError` if so many frames cannot be tried."""
+    """Raise `ValueError` if `count` is not in 1 to `COUNT_MAX`."""
     if not 1 <= count <= COUNT_MAX:
         raise ValueError(f"{count} frames: write 1 to {COUNT_MAX}")

@@ -1,8 +1,7 @@
-"""The way in from outside: `Machine.insert` and `Machine.run` with what the program leaves of them.
+"""Specialised entry points: `Machine.insert` and `Machine.run` without the parts that the program does not need.
 
-A fact from outside gets in by one function for each predicate that checks the arguments and inserts it. It says of
-the values that come as a rule that they are what the predicate declares. Whatever else comes is left to the gate,
-which looks more closely, converts, or refuses it.
+A fact from outside is checked and inserted by one function for each predicate. Its in-line checks accept the usual
+values of the declared types. All other arguments go to `rmr.vm.outside.Gate`, which converts or rejects them.
 """
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
@@ -23,7 +22,7 @@ CHECKS = {
     Base.STRING: f"type({{0}}) is str and len({{0}}) <= {LENGTH_MAX} and {{0}}.isascii()",
     Base.SYMBOL: f"type({{0}}) is Symbol and len({{0}}) <= {LENGTH_MAX} and {{0}}.isascii()",
 }
-"""What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
+"""Source of the in-line check that a value conforms (`rmr.bytecode.conform`); lists have none, for it would be long."""
 
 
 def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:

@@ -102,7 +102,7 @@ class Body:
         self._loops: list[tuple[int, int]] = []
         """Of the loops: how far in their insides stand, the atom's place."""
 
-    def told(self, place: int) -> Evaluate | None:
+    def report(self, place: int) -> Evaluate | None:
         """Return the call that reports ``reason``, the NoValue of the conjunct at `place`; None: let it propagate."""
         del place
         return None
@@ -179,12 +179,12 @@ class Body:
         self.slots.known[bind.slot] = source.known
 
     def _trying(self, place: int, source: Source, statement: Statement) -> None:
-        told = self.told(place) if source.fails else None
-        if told is None:
+        report = self.report(place) if source.fails else None
+        if report is None:
             self.build(statement)
             return
         no_value = self.pool.helper("NoValue", NoValue)
-        self.build(Try(no_value, "reason", (told, self._skip), (statement,)))
+        self.build(Try(no_value, "reason", (report, self._skip), (statement,)))
 
     def _atom(self, place: int, atom: Atom) -> None:
         build = self.build

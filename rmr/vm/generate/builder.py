@@ -4,9 +4,9 @@ A compound statement is begun, filled, and made when its block ends. A block tha
 open until the enclosing `level` ends: so each loop of a search stands in the one before it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable
 from functools import partial
+from types import TracebackType
 
 from rmr.vm.generate.form import Block, Define, If, Loop, Statement, Try, While, with_otherwise
 
@@ -47,46 +47,35 @@ class FormBuilder:
             statement = self._makes.pop()(tuple(self._blocks.pop()))
             self._blocks[-1].append(statement)
 
-    @contextmanager
-    def level(self) -> Iterator[None]:
-        """Close all blocks at its end that have been opened in it."""
-        depth = self.depth
-        yield
-        self.close(depth)
+    def level(self) -> "Level":
+        """Return a context that closes the blocks opened in it."""
+        return Level(self)
 
-    @contextmanager
-    def block(self, make: Make) -> Iterator[None]:
-        """Add the statement that `make` makes of what is added meanwhile."""
-        depth = self.depth
-        self.open(make)
-        yield
-        self.close(depth)
+    def block(self, make: Make) -> "Level":
+        """Return a context whose statements become the inner block of the statement that `make` returns."""
+        return Level(self, make)
 
-    @contextmanager
-    def otherwise(self) -> Iterator[None]:
-        """Make what is added meanwhile the else branch of the statement that was added last."""
-        depth = self.depth
-        self.open_otherwise()
-        yield
-        self.close(depth)
+    def otherwise(self) -> "Level":
+        """Return a context whose statements become the else branch of the statement that was added last."""
+        return Level(self, partial(with_otherwise, self._blocks[-1].pop()))
 
-    def function(self, name: str, *parameters: str) -> AbstractContextManager[None]:
+    def function(self, name: str, *parameters: str) -> "Level":
         """Add a function whose body is added meanwhile."""
         return self.block(partial(Define, name, parameters))
 
-    def when(self, test: str) -> AbstractContextManager[None]:
+    def when(self, test: str) -> "Level":
         """Add an If."""
         return self.block(partial(If, test))
 
-    def loop(self, target: str, items: str) -> AbstractContextManager[None]:
+    def loop(self, target: str, items: str) -> "Level":
         """Add a Loop."""
         return self.block(partial(Loop, target, items))
 
-    def repeat(self, test: str) -> AbstractContextManager[None]:
+    def repeat(self, test: str) -> "Level":
         """Add a While."""
         return self.block(partial(While, test))
 
-    def attempt(self, exception: str, name: str, *handler: Statement) -> AbstractContextManager[None]:
+    def attempt(self, exception: str, name: str, *handler: Statement) -> "Level":
         """Add a Try whose body is added meanwhile."""
         return self.block(partial(Try, exception, name, handler))
 
@@ -103,3 +92,26 @@ class FormBuilder:
         """All that has been added, once all blocks are closed."""
         assert not self._makes
         return tuple(self._blocks[0])
+
+
+class Level:
+    """A context that closes, at its end, the blocks opened in it; with `make`, it opens one at its beginning.
+
+    A class rather than a generator (`contextlib.contextmanager`): a program of some rules enters thousands of them.
+    """
+
+    __slots__ = ("_build", "_depth", "_make")
+
+    def __init__(self, build: FormBuilder, make: Make | None = None) -> None:
+        self._build = build
+        self._make = make
+        self._depth = 0
+
+    def __enter__(self) -> None:
+        self._depth = self._build.depth
+        if self._make is not None:
+            self._build.open(self._make)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if kind is None:  # after an exception the form is discarded
+            self._build.close(self._depth)

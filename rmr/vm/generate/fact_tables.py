@@ -1,10 +1,10 @@
-"""How a generated machine keeps its facts (the paper's tiny database, V.B.3).
+"""Storage of facts in a generated machine (the paper's tiny database, V.B.3): tables and hash indices.
 
-A fact is a list: whether it holds, its serial, its arguments; of predicates whose facts are asked for their age,
-the instant of its insertion. A table is a dict in the order of insertion: of temporary facts by serial, of sets by
-what tells their facts apart. An index, made when it is probed for the first time, holds for the values at some
-positions the facts that have them there, again in the order of insertion. Temporary facts that only rules of one
-atom consume, each fact one rule at most, are in these rules' queues.
+A fact is a list: whether it holds, its serial number, its arguments and, for predicates whose facts have a date, the
+instant of its insertion. A table is a dict in the order of insertion; its key is the serial number of a temporary fact,
+or the arguments of a fact of a set. An index maps the values at some positions to the facts with these values, in the
+order of insertion; it is made when it is first probed. Temporary facts that only rules of one atom consume, each fact
+at most one rule, are stored in these rules' queues instead of a table.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ class FactTable:
         self.dated = dated
         """A fact keeps the instant of its insertion."""
         self.concerned = concerned
-        """Time assertions want to know of each new fact."""
+        """Whether time assertions must be notified of each new fact."""
         self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
         self._slots = PredicateSlots(index)
         self.slot = self._slots.table
@@ -47,7 +47,7 @@ class FactTable:
         self.name = f"{VM}{self.slot}"
         """The same, as an expression."""
         self.queued = False
-        """It is a list of the facts that no rule wants; each of the others is in the queue of one rule."""
+        """Whether the table is a list of the facts that match no rule; each other fact is in the queue of one rule."""
         self.indices: dict[Positions, str] = {}
 
     def key(self, pool: Pool, args: Sequence[str]) -> str:

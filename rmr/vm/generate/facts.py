@@ -46,11 +46,14 @@ NEXT_SERIAL = AssignAll(("s", "vm.newest"), "vm.newest + 1")
 class FactWriter:
     """Writes ``add{predicate}`` and ``remove{predicate}``, and the same in line."""
 
-    def __init__(self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
+    def __init__(
+        self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], readers: Sequence[Sequence[RulePlan]]
+    ) -> None:
+        """`readers` are, by predicate, the rules that name it in a body (`rmr.vm.generate.plan.readers_of`)."""
+        self.readers = readers
         self._build = build
         self._pool = pool
         self._tables = tables
-        self._plans = plans
         self._predicates = tuple(table.predicate for table in tables)
         pool.helper("length", length)
 
@@ -63,10 +66,10 @@ class FactWriter:
             self.insertion(predicate, args)
         with build.function(table.functions.remove, "vm", "now", "f"):
             build(Update("vm.count", "-", "1"))
-            if self.readers(predicate):
+            if self.readers[predicate]:
                 build(Assign("vm.busy", "True"))
             self.remove(predicate, "f")
-            readers = mask(self.readers(predicate))
+            readers = mask(self.readers[predicate])
             build(If("vm.observed", (Evaluate(f"vm.on_remove(now, {predicate}, {table.args('f')}, {readers})"),)))
 
     def several(self, predicate: int) -> None:
@@ -77,10 +80,10 @@ class FactWriter:
         row = tuple_of(args) if args else "_"
         with build.function(table.functions.several, "vm", "now", "rows"):
             build(Assign(ME, "vm.robot"))
-            if self.readers(predicate):
+            if self.readers[predicate]:
                 build(Assign("vm.busy", "True"))
             if table.linear and not table.long and not table.concerned:
-                # Facts for which there is surely room, and which nobody has to be told of one by one.
+                # Fast path: there is room for all of them, and no insertion has to be reported by itself.
                 with build.when(f"not vm.observed and vm.count + len(rows) <= {machine.FACTS_MAX}"):
                     build(Update("vm.count", "+", "len(rows)"), Assign("s", "vm.newest"))
                     with build.loop(row, "rows"):
@@ -89,21 +92,21 @@ class FactWriter:
             with build.loop(row, "rows"):
                 build(If(self._unwanted(predicate, args), (Continue(),)), Update("vm.count", "+", "1"))
                 self.add(predicate, args, "key")
-                build(self._told(predicate, args))
+                build(self._report(predicate, args))
 
     def insertion(self, predicate: int, args: Sequence[str]) -> None:
         """Write the rest of a function, which inserts a fact."""
         build = self._build
         build(Assign(ME, "vm.robot"))
         build(If(self._unwanted(predicate, args), (Return(),)), Update("vm.count", "+", "1"))
-        if self.readers(predicate):
+        if self.readers[predicate]:
             build(Assign("vm.busy", "True"))
         self.add(predicate, args, "key")
-        build(self._told(predicate, args))
+        build(self._report(predicate, args))
 
-    def _told(self, predicate: int, args: Sequence[str]) -> Statement:
+    def _report(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the statement that reports an insertion while each change is traced or goals are open."""
-        readers = mask(self.readers(predicate))
+        readers = mask(self.readers[predicate])
         return If("vm.observed", (Evaluate(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
 
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
@@ -153,30 +156,27 @@ class FactWriter:
     def removed(self, predicate: int, but: int = 0) -> None:
         """Write which rules are looked at again, except those in the mask `but`."""
         build = self._build
-        again = [plan for plan in self._plans if plan.way is Way.REMATCH and predicate in plan.read()]
+        readers = self.readers[predicate]
+        again = [plan for plan in readers if plan.way is Way.REMATCH]
         # A rule that is rematched may gain a match by a removal (``not``, inner bodies): it is stale in any case. A
         # rule that keeps its matches can only lose the one it has, so it is stale only if it is satisfied.
         free = mask([plan for plan in again if plan.once or predicate in (*plan.absent, *plan.inner)])
         if free:
             build(mark_stale(free), Update("vm.changed", "|", str(free)))
-        if_ready = mask(self.readers(predicate)) & ~free & ~but
+        if_ready = mask(readers) & ~free & ~but
         if if_ready:
             build(mark_stale(f"vm.ready & {if_ready}"))
-        inner = mask([plan for plan in self.readers(predicate) if predicate in plan.inner]) & ~free
+        inner = mask([plan for plan in readers if predicate in plan.inner]) & ~free
         if inner:
             build(If("vm.broken", (mark_stale(f"vm.broken & {inner}"),)))
 
-    def readers(self, predicate: int) -> list[RulePlan]:
-        """Return the rules that name a predicate in a body."""
-        return [plan for plan in self._plans if predicate in plan.read()]
-
     def is_queued(self, predicate: int) -> bool:
-        """Tell whether the facts of a predicate need no table: each is in one queue at most, and no search reads them.
+        """Return whether the facts of a predicate need no table: each is in at most one queue, and no search reads it.
 
         This holds if only rules of one atom consume them and no two of these rules can want the same fact.
         """
         table = self._tables[predicate]
-        readers = self.readers(predicate)
+        readers = self.readers[predicate]
         gates = Gates(self._build)
         for plan in readers:
             if plan.way is not Way.SINGLE or plan.once or plan.may_break or predicate in plan.inner:
@@ -189,7 +189,7 @@ class FactWriter:
         build = self._build
         inner = 0  # rules whose comprehensions or aggregates read the predicate: what they derive may change
         gates = Gates(build)
-        for plan in self.readers(predicate):
+        for plan in self.readers[predicate]:
             if plan.way is Way.REMATCH:
                 build(mark_stale(plan.bit), *([Update("vm.changed", "|", str(plan.bit))] if plan.once else []))
                 continue
@@ -330,6 +330,8 @@ class Gates:
     def _cases(self) -> dict[str, list[tuple[Equality, int]]]:
         """Return the expressions that are compared with several constants: the comparisons, and numbers of gates."""
         chosen: dict[str, list[tuple[Equality, int]]] = {}
+        if len(self._gates) < CASES_FROM:
+            return chosen
         for number, (tests, _) in enumerate(self._gates):
             equality = next((test.equality for test in tests if test.equality is not None), None)
             if equality is not None and not any(test.binds for test in tests):

@@ -42,7 +42,7 @@ def called(function: Function, args: list[Source], pool: Pool) -> Source:
 
 
 def _are_fit(function: Function, args: list[Source]) -> bool:
-    """Tell whether all arguments have types that the function takes."""
+    """Return whether all arguments have types that the function takes."""
     wanted = [_TAKEN.get(takes) for takes in function.takes]
     return all(bases is None or arg.known.base in bases for bases, arg in zip(wanted, args, strict=True))
 
@@ -81,7 +81,8 @@ def _extreme(sign: str, choose: Callable[..., float]) -> Form:
 
     def written(_function: Function, args: list[Source], pool: Pool) -> Source:
         one, other = args
-        (left, left_again), (right, right_again) = pool.held(one), pool.held(other)
+        left, left_again = pool.held(one)
+        right, right_again = pool.held(other)
         text = f"({left_again} if {left} {sign} {right} else {right_again})"
         lows, highs = zip(one.known.bounds, other.known.bounds, strict=True)
         bounds = choose(lows), choose(highs)
@@ -158,7 +159,8 @@ def _nth(function: Function, args: list[Source], pool: Pool) -> Source:
     """Write the item in place where it is certainly there, or the list is at hand to look how long it is."""
     items, place = args
     known = NOTHING if items.known.element.base is Base.OPEN else Known(items.known.element)
-    (fewest, _), (low, high) = items.known.bounds, place.known.bounds
+    fewest = items.known.bounds[0]
+    low, high = place.known.bounds
     if low >= 0 and high < fewest:
         return Source(f"{items.text}[{place.text}]", known, fails(*args))
     return _looked(function, args, ">", "{items}[{place}]", known, pool)
@@ -166,7 +168,8 @@ def _nth(function: Function, args: list[Source], pool: Pool) -> Source:
 
 def _rest(function: Function, args: list[Source], pool: Pool) -> Source:
     items, place = args
-    (fewest, most), (low, high) = items.known.bounds, place.known.bounds
+    fewest, most = items.known.bounds
+    low, high = place.known.bounds
     assert items.known.type is not None
     known = within(items.known.type, (max(0, fewest - max(0, high)), most - max(0, low)))
     if low >= 0 and high <= fewest:

@@ -28,7 +28,6 @@ from rmr.bytecode.scope import Scope
 from rmr.vm import derive as limits
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
-from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, positives
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
@@ -50,14 +49,15 @@ from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
 from rmr.vm.generate.source import Pool
 from rmr.vm.generate.state_layout import RuleFunctions
+from rmr.vm.type_checks import TypeChecks, check_types, type_checks
 
 Inner = Comprehension | Aggregate
 """A part of a head with a body of its own."""
 
 
-def settled_args(doubts: Doubts, args: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Return arguments that have the types that were in doubt. Raises NoValue."""
-    settle(doubts, args)
+def checked_args(checks: TypeChecks, args: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return `args` if they pass the checks. Raises NoValue."""
+    check_types(checks, args)
     return args
 
 
@@ -126,11 +126,11 @@ class HeadWriter:
             return None
         args = [each.text for each in item.args]
         if rows_of(self.rule) is None:
-            return None if item.doubts else tuple_of([self.tables[item.item.predicate].functions.add, *args])
-        if not item.doubts:
+            return None if item.checks else tuple_of([self.tables[item.item.predicate].functions.add, *args])
+        if not item.checks:
             return tuple_of(args)
-        settled = self.pool.helper("settled_args", settled_args)
-        return f"{settled}({self.pool.object(item.doubts)}, {tuple_of(args)})"
+        settled = self.pool.helper("checked_args", checked_args)
+        return f"{settled}({self.pool.object(item.checks)}, {tuple_of(args)})"
 
     def followed(self, chain: str) -> str:
         """Return how a chain is listed."""
@@ -168,8 +168,8 @@ class InnerBody(Body):
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]
         """Place and predicate of the facts that are consumed."""
 
-    def told(self, place: int) -> Evaluate:
-        """Return the call that tells of a failure."""
+    def report(self, place: int) -> Evaluate:
+        """Return the call that reports a failure."""
         return self._head.failed(self._part, place, self.found)
 
     def passed_over(self, atom: Atom, fact: str) -> str | None:
@@ -229,7 +229,9 @@ class InnerWriter:
         assert isinstance(self._inner, Comprehension)
         predicates = self._head.program.predicates
         return any(
-            item.owner != SELF or any(len(code) != 1 for code in item.args) or doubts(item, predicates, self._scope)
+            item.owner != SELF
+            or any(len(code) != 1 for code in item.args)
+            or type_checks(item, predicates, self._scope)
             for item in self._inner.head
         )
 
@@ -257,7 +259,7 @@ class InnerWriter:
         """Report and skip a match for which the statements that are added meanwhile fail."""
         if not fails:
             return nullcontext()
-        return self._build.attempt("NoValue", "reason", self._body.told(HEAD_PART), self._body.skip)
+        return self._build.attempt("NoValue", "reason", self._body.report(HEAD_PART), self._body.skip)
 
     def _written(self, name: str, item: WrittenItem) -> str:
         """Write that `name` is an item, and return how it is listed."""

@@ -27,7 +27,6 @@ from rmr.bytecode.program import (
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.derive import Derived, DerivedKind
-from rmr.vm.doubts import doubts, settle
 from rmr.vm.generate.body import BoundSlots
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import narrowed
@@ -35,6 +34,7 @@ from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import Assign, Column, Evaluate, If, Local, Raise, tuple_of
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
+from rmr.vm.type_checks import check_types, type_checks
 
 ROLES: dict[type, DerivedKind] = {
     DeriveFact: DerivedKind.FACT,
@@ -55,17 +55,17 @@ class WrittenItem:
         self.owner: Source = slots.expression(item.owner, pool)
         self.args = [slots.expression(code, pool) for code in item.args]
         declared = predicates[item.predicate].types
-        self.doubts = tuple(
-            doubt
-            for doubt in doubts(item, predicates, scope)
-            if not fits(self.args[doubt.place].known.type or UNKNOWN, declared[doubt.place])
+        self.checks = tuple(
+            check
+            for check in type_checks(item, predicates, scope)
+            if not fits(self.args[check.place].known.type or UNKNOWN, declared[check.place])
         )
         self.surely_robot = self.owner.known.base is Base.ROBOT
 
     @property
     def fails(self) -> bool:
         """Whether it may have no value."""
-        return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
+        return bool(self.checks) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
 
     def write(self, build: FormBuilder, pool: Pool) -> str:
         """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
@@ -77,8 +77,11 @@ class WrittenItem:
             build(Assign("owner", owner))
             build(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
             owner = "owner"
-        if self.doubts:
-            build(Assign("args", args), Evaluate(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
+        if self.checks:
+            build(
+                Assign("args", args),
+                Evaluate(f"{pool.helper('check_types', check_types)}({pool.object(self.checks)}, args)"),
+            )
             args = "args"
         role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
         return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"

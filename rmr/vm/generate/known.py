@@ -1,4 +1,4 @@
-"""What the text of a program tells about a value before it is there: its type, and between which bounds it lies.
+"""Abstract values (static analysis by intervals): the type of a value, and bounds on it, known before run time.
 
 The bounds of a number are those of its value, the bounds of a list or string those of its length. They decide which
 checks generated source can leave out: a sum whose bounds stay within 64 bits cannot overflow. Every operation on
@@ -27,12 +27,12 @@ LIMITS: dict[Base, Bounds] = {
     Base.STRING: (0, LENGTH_MAX),
     Base.LIST: (0, LENGTH_MAX),
 }
-"""What bounds every value of a type."""
+"""Bounds on every value of a type."""
 
 
 @record
 class Known:
-    """What is known of a value; a bound that is None is that of the type."""
+    """An abstract value; a bound of None is that of the type (`LIMITS`)."""
 
     type: Type | None = None
     """None: nothing is known."""
@@ -41,7 +41,7 @@ class Known:
 
     @property
     def base(self) -> Base:
-        """What kind of type it is; OPEN if nothing is known."""
+        """The base of its type; OPEN if nothing is known."""
         return Base.OPEN if self.type is None else self.type.base
 
     @property
@@ -51,7 +51,7 @@ class Known:
 
     @property
     def bounds(self) -> Bounds:
-        """Between what it lies; only of a type that has LIMITS."""
+        """The interval in which it lies; defined only for a type in `LIMITS`."""
         low, high = LIMITS[self.base]
         return (low if self.low is None else self.low, high if self.high is None else self.high)
 
@@ -63,10 +63,11 @@ FLOAT = Type(Base.FLOAT)
 
 
 def within(kind: Type, bounds: Bounds) -> Known:
-    """Return what is known of a value of `kind` within `bounds`, as far as they say more than the type."""
+    """Return the abstract value of `kind` within `bounds`, intersected with the limits of the type."""
     least, most = LIMITS[kind.base]
     low = max(bounds[0], least)
     high = min(bounds[1], most)
+    # An empty interval stands for code that is never reached: the type alone is a safe answer.
     if low > high or (low, high) == (least, most):
         return Known(kind)
     return Known(kind, float(low), float(high)) if kind.base is Base.FLOAT else Known(kind, low, high)
@@ -85,7 +86,7 @@ def of_value(value: Value) -> Known:
 
 
 def either(one: Known, other: Known) -> Known:
-    """Return what is known of a value that is one of two."""
+    """Return the join of two abstract values: it covers the values of both."""
     if one.type is None or other.type is None:
         return NOTHING
     kind = common(one.type, other.type)
@@ -96,7 +97,7 @@ def either(one: Known, other: Known) -> Known:
 
 
 def common(one: Type, other: Type) -> Type | None:
-    """Return the narrowest type of which all values of both are."""
+    """Return the narrowest common supertype of two types; None if there is none."""
     if fits(one, other):
         return other
     if fits(other, one):
@@ -105,14 +106,14 @@ def common(one: Type, other: Type) -> Type | None:
 
 
 def comparable(one: Type, other: Type) -> bool:
-    """Tell whether Python's ``==`` of any values of the two types is what a program calls equal."""
+    """Return whether Python's ``==`` of any values of the two types is what a program calls equal."""
     if one.base is Base.LIST and other.base is Base.LIST:
         return one.element is not None and other.element is not None and comparable(one.element, other.element)
     return one.base is not Base.OPEN and (one.base is other.base or (one.base in NUMBERS and other.base in NUMBERS))
 
 
 def different(one: Type, other: Type) -> bool:
-    """Tell whether no value of one type equals one of the other."""
+    """Return whether no value of one type equals one of the other."""
     if Base.OPEN in (one.base, other.base) or (one.base in NUMBERS and other.base in NUMBERS):
         return False
     return one.base is not other.base
@@ -121,9 +122,10 @@ def different(one: Type, other: Type) -> bool:
 def at_most(known: Known, most: Bound, *, strictly: bool = False) -> Known:
     """Return what is known of a number or length that is not above `most`, or, `strictly`, below it."""
     if known.base is not Base.FLOAT:
+        # The greatest integer below (or not above) a bound that may be a float.
         bound: Bound = ceil(most) - 1 if strictly else floor(most)
     else:
-        bound = float(most)
+        bound = float(most)  # of a large int rounded: stepped down only if it is not below `most` already
         if strictly and bound >= most:
             bound = nextafter(bound, -inf)
     low, high = known.bounds

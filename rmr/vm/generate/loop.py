@@ -163,7 +163,7 @@ class LoopWriter:
             return
         names = [f"a{place}" for place in range(self._tables[rows].arity)]
         with build.loop(tuple_of(names), "out"):
-            if len(self._facts.readers(rows)) <= IN_LINE_MAX:
+            if len(self._facts.readers[rows]) <= IN_LINE_MAX:
                 self._facts.add_if_new(rows, names)
             else:
                 build(self._added(rows, names))
@@ -232,7 +232,7 @@ class LoopWriter:
         build(Assign("q", state.queue), If("q is None", (Assign(state.match, "None"), unsatisfied), rest))
 
     def _consume(self, plan: RulePlan, made: int) -> None:
-        """Write that what the body consumes goes; so many facts will be `made` that are counted here."""
+        """Write the removal of the consumed facts; `made` facts, inserted later in this firing, are counted here."""
         change = made - len(plan.consumed)
         if change:
             self._build(Update("vm.count", "+" if change > 0 else "-", str(abs(change))))
@@ -249,11 +249,11 @@ class LoopWriter:
         self._build(Assign("q", state.queue), If(" or ".join(left), (mark_stale(plan.bit),), nothing))
 
     def _is_in_line(self, item: WrittenItem) -> bool:
-        """Tell whether the insertion of a fact is written out."""
-        return item.mine and len(self._facts.readers(item.item.predicate)) <= IN_LINE_MAX
+        """Return whether the insertion of a fact is written out."""
+        return item.mine and len(self._facts.readers[item.item.predicate]) <= IN_LINE_MAX
 
     def _is_temporary(self, item: WrittenItem) -> bool:
-        """Tell whether there is room for a fact if another one has gone: it is never too long, and always new."""
+        """Return whether there is room for a fact if another one has gone: it is never too long, and always new."""
         table = self._tables[item.item.predicate]
         return table.linear and not table.long
 

@@ -19,7 +19,7 @@ from rmr.vm.generate.head_functions import HeadWriter
 from rmr.vm.generate.head_items import write_bindings, written_items
 from rmr.vm.generate.loop import LoopWriter
 from rmr.vm.generate.match_search import SearchWriter
-from rmr.vm.generate.plan import RulePlan, Way
+from rmr.vm.generate.plan import RulePlan, Way, readers_of
 from rmr.vm.generate.rematch import RematchWriter
 from rmr.vm.generate.source import Pool
 from rmr.vm.generate.state_layout import VM
@@ -45,12 +45,14 @@ class Module:
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
             plan.valued = self._is_valued(plan)
-        facts = FactWriter(FormBuilder(), self.pool, self.tables, self.plans)
+        self.readers = readers_of(self.plans, len(program.predicates))
+        """By predicate: the rules that name it in a body."""
+        facts = self._facts(FormBuilder())
         for table in self.tables:
             table.queued = facts.is_queued(table.index)
         self.names: dict[str, Any] = self.pool.globals
         self.sources: list[str] = []
-        """What Python has made functions of so far: for who wants to read it."""
+        """Generated sources compiled so far, for inspection."""
         self._waiting: dict[int, Block] = {}
         """By rule, its own functions, until they are needed."""
         self.names["FIND"] = {
@@ -67,8 +69,6 @@ class Module:
         self.methods = {"insert": self.names["insert"], "run": self.names["run"], "_fire": self.names["fire"]}
         """What a machine's class gets besides."""
         self.reset = self.names["reset"]
-        self.readers = [facts.readers(predicate) for predicate in range(len(program.predicates))]
-        """By predicate: the rules that name it in a body."""
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.REMATCH])
         """The rules that may be satisfied though no fact has come."""
         self.all_rules = mask(self.plans)
@@ -164,7 +164,7 @@ class Module:
         return first
 
     def _facts(self, build: FormBuilder) -> FactWriter:
-        return FactWriter(build, self.pool, self.tables, self.plans)
+        return FactWriter(build, self.pool, self.tables, self.readers)
 
     def _loop(self, build: FormBuilder) -> LoopWriter:
         return LoopWriter(self.program, build, self.pool, self.tables, self.plans, self._facts(build))

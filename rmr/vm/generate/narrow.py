@@ -1,7 +1,7 @@
-"""What a condition says of the slots that it compares, once it is known to be true or false.
+"""Narrowing (flow-sensitive analysis): the bounds on slots that follow from the outcome of a condition.
 
-Comparisons bound the number in a slot, or the length of a list in one, with the bounds of the other side, so that a
-guard after another one says more. Of ``N + 1`` it also says something that the sum has a value.
+A comparison bounds the number in a slot, or the length of a list in one, by the bounds of the other side, so later
+guards need fewer checks. A comparison of ``N + 1`` also implies that the sum has a value, which bounds ``N``.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,16 +17,17 @@ from rmr.vm.generate.trees import Tree
 LEN = next(i for i, function in enumerate(FUNCTIONS) if function.name == "len")
 
 _OPPOSITE = {Op.LT: Op.GE, Op.LE: Op.GT, Op.GT: Op.LE, Op.GE: Op.LT, Op.EQ: Op.NE, Op.NE: Op.EQ}
-"""What holds of two numbers if a comparison does not."""
+"""The negation of each comparison of numbers; there are no NaNs, so it is total."""
 
 _MIRRORED = {Op.LT: Op.GT, Op.LE: Op.GE, Op.GT: Op.LT, Op.GE: Op.LE, Op.EQ: Op.EQ, Op.NE: Op.NE}
 """The comparison with its sides exchanged."""
 
 
 def assumed(node: Tree, outcome: bool, known: Mapping[int, Known]) -> dict[int, Known]:
-    """Return what is known of the slots when `node` is `outcome`."""
+    """Return the abstract values of the slots when `node` has the value `outcome`."""
     if node.op is Op.NOT:
         return assumed(node.parts[0], not outcome, known)
+    # A true conjunction and a false disjunction determine both operands; the other outcomes leave open which one.
     if (node.op is Op.AND and outcome) or (node.op is Op.OR and not outcome):
         left, right = node.parts
         return assumed(right, outcome, assumed(left, outcome, known))
@@ -42,16 +43,16 @@ def assumed(node: Tree, outcome: bool, known: Mapping[int, Known]) -> dict[int, 
 
 @record
 class _Measure:
-    """What is compared of a slot: its number, that and something more, or the length of what is in it."""
+    """A compared term that depends on one slot: its number, its number plus `offset`, or the length of its value."""
 
     slot: int
     bases: tuple[Base, ...] = NUMBERS
-    """Types whose bounds are those of what is compared."""
+    """Types of the slot for which the term's bounds are those of the slot, but for the offset."""
     offset: int = 0
 
 
 def _measure(node: Tree) -> _Measure | None:
-    """Return what of a slot one side of a comparison is, if it is that."""
+    """Return one side of a comparison as a measure of a slot; None if it has another form."""
     if node.op is Op.LOAD:
         assert isinstance(node.operand, int)
         return _Measure(node.operand)
@@ -68,7 +69,7 @@ def _measure(node: Tree) -> _Measure | None:
 
 
 def _bounds(node: Tree, known: Mapping[int, Known]) -> Bounds | None:
-    """Return between what one side of a comparison lies if it is a number."""
+    """Return the bounds of one side of a comparison; None if it is not known to be a number."""
     if node.op in (Op.CONST, Op.INT):
         assert node.operand is not None
         constant = of_value(node.operand)
@@ -81,16 +82,16 @@ def _bounds(node: Tree, known: Mapping[int, Known]) -> Bounds | None:
 
 
 def _narrow(known: dict[int, Known], node: Tree, op: Op, other: Bounds | None) -> None:
-    """Note that the slot in `node` compares so with what lies within `other`."""
+    """Narrow the slot in `node`, which compares by `op` with a value within `other`."""
     measure = _measure(node)
     if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
         return
     slot = measure.slot
     offset = measure.offset
-    if offset:
+    if offset:  # the sum was evaluated, so it did not overflow
         known[slot] = at_least(at_most(known[slot], INT_MAX - offset), INT_MIN - offset)
     if other is None or (offset and not all(type(bound) is int for bound in other)):
-        return
+        return  # shifting a float bound by the offset could round it inwards
     shifted = (other[0] - offset, other[1] - offset)
     for narrow in _NARROWERS.get(op, ()):
         known[slot] = narrow(known[slot], shifted)

@@ -1,7 +1,7 @@
-"""Operators as Python source: as little of it as what is known of the operands allows.
+"""Code generation for operators, specialised by the abstract values of the operands.
 
-What is known to be right is written in place, with the check that is left. For the rest, and for what has no value,
-the very function is called that the interpreter calls, so that values and messages are the same.
+Where the types are known, the operator is written in line with the checks that remain. Otherwise, and for a result
+without value, the source calls the function that the interpreter calls, so values and messages are the same.
 """
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol
@@ -47,10 +47,10 @@ CLASSES: dict[Base, tuple[str, type]] = {
     Base.STRING: ("str", str),
     Base.SYMBOL: ("Symbol", Symbol),
 }
-"""Types whose values equal only values of the same type: their Python classes, by name."""
+"""Types whose values are equal only to values of the same type: their Python classes, by name."""
 
 DISTINCT = (int, Symbol, Robot)
-"""Types of constants of which an expression equals at most one."""
+"""Types of constants with exact equality: an expression equals at most one of them, so it can select among cases."""
 
 
 def binary(op: Op, left: Source, right: Source, pool: Pool) -> Source:
@@ -112,6 +112,7 @@ def in_range(text: str, kind: Type, bounds: Bounds, *operands: Source, pool: Poo
         return Source(f"({text})", known, fails(*operands))
     name = pool.temporary()
     if kind.base is Base.FLOAT:
+        # x - x is 0 for finite floats and NaN for infinite ones: the cheapest test without a call.
         test = f"({name} := {text}) - {name} == 0.0"
     elif low:
         test = f"({name} := {text}) <= {INT_MAX}"
@@ -128,7 +129,7 @@ def kind_of(*operands: Source) -> Type:
 
 
 def _by_function(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    """Return the operator as the interpreter works it out; ints are tried first where they may be."""
+    """Return a call of the interpreter's function, after an in-line test for ints where the operands may be ints."""
     name = {Op.ADD: "add", Op.SUB: "subtract", Op.MUL: "multiply", Op.DIV: "divide", Op.MOD: "modulo"}[op]
     function = pool.helper(name, arithmetic.BINARY[op])
     ints = _if_ints(left, right, pool) if op in RESULTS else None
@@ -154,7 +155,7 @@ def _division(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     if nonzero(right.known.bounds):
         return _divided(op, left, right, whole, pool)
     first = ""
-    if left.fails:
+    if left.fails:  # `is not None` is always true: it evaluates the dividend first
         dividend = pool.temporary()
         first = f"({dividend} := {left.text}) is not None and "
         left = Source(dividend, left.known, False)
@@ -176,7 +177,7 @@ def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> So
 
 
 def _joined(left: Source, right: Source, pool: Pool) -> Source:
-    """Return two lists as one; of items without inside only the number can be too large."""
+    """Return the concatenation of two lists; where items have no length of their own, only their number is checked."""
     one = left.known
     other = right.known
     assert one.type is not None
@@ -194,16 +195,20 @@ def _joined(left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _is_flat(kind: Type | None) -> bool:
-    """Tell whether values of `kind` have no characters or items that count."""
+    """Return whether values of `kind` have no characters or items that count."""
     return kind is not None and kind.base in (Base.ROBOT, Base.INT, Base.FLOAT, Base.BOOL)
 
 
 def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | None:
-    """Return a test whether operands of which nothing is known are ints, and the text of both behind the test."""
+    """Return a test that operands of open type are ints, and the text of each operand after the test; else None.
+
+    Operands are evaluated in the order of the test, so the other one must be repeatable unless both are tested.
+    """
     one = left.known.base
     other = right.known.base
     if one is Base.OPEN and other is Base.OPEN:
-        (first, again), (second, second_again) = pool.held(left), pool.held(right)
+        first, again = pool.held(left)
+        second, second_again = pool.held(right)
         return f"type({first}) is type({second}) is int", again, second_again
     if (one, other) == (Base.OPEN, Base.INT) and right.repeatable:
         first, again = pool.held(left)
@@ -227,7 +232,8 @@ def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
-    """Return the comparison of values of which one's type is not known."""
+    """Return the strict comparison of values, at least one of which is of open type."""
+    # Against a class whose values equal no other class's, a test of the type makes Python's == strict.
     for wanted, unknown, flip in ((right, left, False), (left, right, True)):
         if wanted.known.base in CLASSES and unknown.known.base is Base.OPEN:
             first, again = pool.held(unknown)
@@ -255,7 +261,7 @@ def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _float(operand: Source, pool: Pool) -> Source:
-    """Return a number as a float, a list with its items so."""
+    """Return a number converted to float, or a list with its items converted."""
     known = operand.known
     kind = operand.known.type
     if kind is not None and _innermost(kind).base is Base.FLOAT:

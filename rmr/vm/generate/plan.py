@@ -139,8 +139,17 @@ class RulePlan:
         return Way.JOIN if is_settled(self.rule, tables) else Way.REMATCH
 
 
+def readers_of(plans: Iterable[RulePlan], predicates: int) -> list[list[RulePlan]]:
+    """Return, for each of `predicates` predicates, the rules that name it in a body, in the order of the text."""
+    readers: list[list[RulePlan]] = [[] for _ in range(predicates)]
+    for plan in plans:
+        for predicate in sorted(plan.read()):
+            readers[predicate].append(plan)
+    return readers
+
+
 def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
-    """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
+    """Return whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
     kinds: dict[int, Type] = {}
     bound = {each.slot for each in rule.body if isinstance(each, Bind)}
     for _, atom in positives(rule.body):
@@ -154,7 +163,7 @@ def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
 
 
 def alike(one: Type, other: Type) -> bool:
-    """Tell whether values of two types that are equal are the same; the names of symbol sets make no difference."""
+    """Return whether values of two types that are equal are the same; the names of symbol sets make no difference."""
     return fits(one, other) and fits(other, one)
 
 
@@ -215,7 +224,7 @@ def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
 
 
 def is_small(program: Program) -> bool:
-    """Tell whether source is made of a program: none of its bodies is beyond what Python takes."""
+    """Return whether source is made of a program: none of its bodies is beyond what Python takes."""
     return all(
         sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX
         for rule in program.rules

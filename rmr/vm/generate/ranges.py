@@ -1,7 +1,7 @@
-"""The bounds of results from the bounds of operands.
+"""Interval arithmetic: the bounds of results from the bounds of operands.
 
-Correct for ints, for floats and for both mixed, for each is worked out as the result itself would be. A bound may
-lie beyond the type's limits, an infinite one too: then the result must be checked.
+It is sound for ints, for floats and for both mixed, because a bound is computed by the same operation as the result and
+rounding is monotonic. A bound may lie beyond the type's limits, or be infinite: then the result must be checked.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ def _difference(one: Bounds, other: Bounds) -> Bounds:
 
 
 def _product(one: Bounds, other: Bounds) -> Bounds:
-    corners = [a * b for a in one for b in other]
+    corners = [a * b for a in one for b in other]  # a product is monotonic in each factor: extremes are at corners
     return min(corners), max(corners)
 
 
@@ -27,15 +27,16 @@ RESULTS: dict[Op, Callable[[Bounds, Bounds], Bounds]] = {Op.ADD: _sum, Op.SUB: _
 
 
 def nonzero(bounds: Bounds) -> bool:
-    """Tell whether no number within `bounds` is zero."""
+    """Return whether no number within `bounds` is zero."""
     return bounds[0] > 0 or bounds[1] < 0
 
 
 def quotient(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
-    """Return the bounds of a quotient by what is not zero; `whole`: by an int, which makes nothing larger."""
+    """Return the bounds of a quotient by a divisor that is not zero at run time; `whole`: the divisor is an int."""
     if nonzero(other):
         corners = [float(a / b) for a in one for b in other]
         return min(corners), max(corners)
+    # An int other than 0 has a magnitude of 1 or more. A float near 0 gives any quotient: 2 * FLOAT_MAX is infinite.
     most = float(max(abs(one[0]), abs(one[1]))) if whole else 2 * FLOAT_MAX
     return -most, most
 
@@ -45,14 +46,14 @@ def remainder(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
     low = min(0, other[0])
     high = max(0, other[1])
     if not whole:
-        return low, high
+        return low, high  # a float remainder may be rounded to the divisor itself
     if low == 0 and one[0] >= 0:
         return 0, min(one[1], high - 1)
     return min(0, low + 1), max(0, high - 1)
 
 
 def negative(bounds: Bounds) -> Bounds:
-    """Return the bounds of what is negated."""
+    """Return the bounds of a negated value."""
     return -bounds[1], -bounds[0]
 
 

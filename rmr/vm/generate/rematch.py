@@ -30,7 +30,7 @@ class ReportingBody(Body):
         super().__init__(build, pool, tables, BoundSlots(), Return(), may_index=may_index, counted=counted)
         self._plan = plan
 
-    def told(self, place: int) -> Evaluate:
+    def report(self, place: int) -> Evaluate:
         """Return the call that reports a failure."""
         part = len(self._plan.rule.head)
         return Evaluate(f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)")

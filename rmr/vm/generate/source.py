@@ -79,10 +79,10 @@ class Pool:
 
 
 def fails(*sources: Source) -> bool:
-    """Tell whether one of `sources` may have no value."""
+    """Return whether one of `sources` may have no value."""
     return any(source.fails for source in sources)
 
 
 def movable(*sources: Source) -> bool:
-    """Tell whether `sources` may be evaluated in any order: which of them fails is then no question."""
+    """Return whether `sources` may be evaluated in any order: which of them fails is then no question."""
     return sum(source.fails for source in sources) <= 1

@@ -34,8 +34,9 @@ def text_of(block: Iterable[Statement]) -> str:
 def _write(block: Iterable[Statement], margin: str, lines: list[str]) -> None:
     for statement in block:
         kind = type(statement)
-        if kind in _SIMPLE:
-            lines.append(f"{margin}{_SIMPLE[kind](statement)}\n")
+        simple = _SIMPLE.get(kind)
+        if simple is not None:
+            lines.append(f"{margin}{simple(statement)}\n")
         else:
             _COMPOUND[kind](statement, margin, lines)
 

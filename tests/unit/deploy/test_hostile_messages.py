@@ -207,7 +207,7 @@ def test_robot_survives_hostile_messages_on_its_keys():
     async def scene() -> None:
         process = Process(1)
         robot = hosted(process, known)
-        life = robot._life
+        life = robot._incarnation
         assert life is not None
         process.hand("rmr/dash/body/1/sense", wire.encode(-1, 9, 1, of_kind(wire.Sense)[0]))
         now = time.monotonic_ns()
@@ -242,8 +242,8 @@ def test_robot_survives_forged_maps():
                 robot._begin(envelope)
             assert "internal error" not in robot._ending.reason
             assert printable(robot._ending.reason) == robot._ending.reason
-            if robot._life is not None:
-                robot._life.end()
+            if robot._incarnation is not None:
+                robot._incarnation.end()
 
     undisturbed(scene)
 

@@ -7,8 +7,8 @@ from rmr.base.values import Symbol
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Aggregate, Base, Effect, Operator, Type
 from rmr.bytecode.scope import Scope
-from rmr.vm.doubts import doubts
 from rmr.vm.machine_events import ExpressionFailed
+from rmr.vm.type_checks import type_checks
 
 
 def reasons(events):
@@ -85,5 +85,5 @@ def test_statically_known_types_leave_no_runtime_check():
     q, p = hand.temporary("q", INT), hand.temporary("p", INT, OPEN)
     scope = Scope()
     scope.grow([hand.atom(q, V(1))], hand.predicates)
-    assert doubts(hand.head(p, V(1), code(V(2), 1, Op.ADD)), hand.predicates, scope) == ()
-    assert [doubt.place for doubt in doubts(hand.head(p, code(V(1), 1, Op.ADD), 5), hand.predicates, scope)] == [0]
+    assert type_checks(hand.head(p, V(1), code(V(2), 1, Op.ADD)), hand.predicates, scope) == ()
+    assert [check.place for check in type_checks(hand.head(p, code(V(1), 1, Op.ADD), 5), hand.predicates, scope)] == [0]
