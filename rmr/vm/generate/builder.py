@@ -47,35 +47,35 @@ class FormBuilder:
             statement = self._makes.pop()(tuple(self._blocks.pop()))
             self._blocks[-1].append(statement)
 
-    def level(self) -> "Level":
+    def level(self) -> "NestedBlock":
         """Return a context that closes the blocks opened in it."""
-        return Level(self)
+        return NestedBlock(self)
 
-    def block(self, make: Make) -> "Level":
+    def block(self, make: Make) -> "NestedBlock":
         """Return a context whose statements become the inner block of the statement that `make` returns."""
-        return Level(self, make)
+        return NestedBlock(self, make)
 
-    def otherwise(self) -> "Level":
+    def otherwise(self) -> "NestedBlock":
         """Return a context whose statements become the else branch of the statement that was added last."""
-        return Level(self, partial(with_otherwise, self._blocks[-1].pop()))
+        return NestedBlock(self, partial(with_otherwise, self._blocks[-1].pop()))
 
-    def function(self, name: str, *parameters: str) -> "Level":
+    def function(self, name: str, *parameters: str) -> "NestedBlock":
         """Add a function whose body is added meanwhile."""
         return self.block(partial(Define, name, parameters))
 
-    def when(self, test: str) -> "Level":
+    def when(self, test: str) -> "NestedBlock":
         """Add an If."""
         return self.block(partial(If, test))
 
-    def loop(self, target: str, items: str) -> "Level":
+    def loop(self, target: str, items: str) -> "NestedBlock":
         """Add a Loop."""
         return self.block(partial(Loop, target, items))
 
-    def repeat(self, test: str) -> "Level":
+    def repeat(self, test: str) -> "NestedBlock":
         """Add a While."""
         return self.block(partial(While, test))
 
-    def attempt(self, exception: str, name: str, *handler: Statement) -> "Level":
+    def attempt(self, exception: str, name: str, *handler: Statement) -> "NestedBlock":
         """Add a Try whose body is added meanwhile."""
         return self.block(partial(Try, exception, name, handler))
 
@@ -94,7 +94,7 @@ class FormBuilder:
         return tuple(self._blocks[0])
 
 
-class Level:
+class NestedBlock:
     """A context that closes, at its end, the blocks opened in it; with `make`, it opens one at its beginning.
 
     A class rather than a generator (`contextlib.contextmanager`): a program of some rules enters thousands of them.
