@@ -24,24 +24,24 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
-from rmr_agent.crew import live
-from rmr_agent.robot import Carried
+from rmr_agent.robot import RobotSetup
+from rmr_agent.robot_process import live
 
 
-def _load(options: argparse.Namespace) -> Carried:
+def _load(options: argparse.Namespace) -> RobotSetup:
     loaded = load_program(options.program)
     check_actions(loaded.program, load_handlers(options.actions))
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
     except KeyFileError as error:
         raise RefusedError(str(error)) from None
-    return Carried(loaded, partial(load_handlers, options.actions), key)
+    return RobotSetup(loaded, partial(load_handlers, options.actions), key)
 
 
-async def _live(options: argparse.Namespace, carried: Carried, secret: Secret | None, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await live(options.id, options.connect, options.lab, carried, ending, secret)
+    await live(options.id, options.connect, options.lab, setup, ending, secret)
 
 
 def perform(options: argparse.Namespace) -> int:
@@ -56,14 +56,14 @@ def perform(options: argparse.Namespace) -> int:
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
-        carried = _load(options)
+        setup = _load(options)
         secret = None if options.secret is None else read_secret(options.secret)
     except (RefusedError, SecretError) as error:
         print(f"{who}: {error}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
     try:
-        run_precisely(_live(options, carried, secret, ending))
+        run_precisely(_live(options, setup, secret, ending))
     except BusError as error:
         ending.ask(str(error), ExitCode.FAILED)
     except Exception as error:

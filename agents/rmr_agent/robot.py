@@ -6,8 +6,8 @@
     finished    running, and the lab's finish fact holds
 
 A world that dies and returns, or another in its place, is a new run with a new clock and new poses, so the
-robot then begins a new life: a fresh node from the same byte-code. A mere loss of the connection ends nothing: the
-same world, known by the number of its session, goes on with the same node.
+robot then begins a new incarnation: a fresh node from the same byte-code. A mere loss of the connection ends
+nothing: the same world, known by the number of its session, goes on with the same node.
 """
 
 import asyncio
@@ -26,12 +26,12 @@ from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
-from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config, phase_of
-from rmr_agent.secured import make_security
-from rmr_agent.telling import Telling
+from rmr_agent.incarnation import Incarnation, Outlets, floor_grid, make_station, node_config, phase_of
+from rmr_agent.local_air import LocalAir
+from rmr_agent.radio_security import make_security
+from rmr_agent.status_publisher import StatusPublisher
 
 SAY_AGAIN_S = 5.0
 """How often a waiting robot says that it waits."""
@@ -67,12 +67,12 @@ FAILURES_MAX = 20
 log = logging.getLogger("rmr")
 
 
-class Carried(NamedTuple):
+class RobotSetup(NamedTuple):
     """What a robot brings along: all else it is told by its world."""
 
     loaded: Loaded
     fresh: Callable[[], dict[str, Handler]]
-    """Returns handlers of their own for each life of each robot: the globals of the user's file are one robot's."""
+    """Returns handlers for one incarnation of one robot, which has the globals of the user's file to itself."""
     key: bytes | None
     """Of the radio; None where the lab's is open."""
 
@@ -81,13 +81,13 @@ class HostedRobot:
     """One robot of the process, with a seat of its own on the bus."""
 
     def __init__(
-        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, carried: Carried, ending: Ending
+        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, setup: RobotSetup, ending: Ending
     ) -> None:
         """`first` is the first robot of the process."""
         self._robot = robot
         self._first = first
         self._connect = connect
-        self._carried = carried
+        self._setup = setup
         self._ending = ending
         self.leaving = Ending()
         """This robot's end; the process goes on while others live in it."""
@@ -99,12 +99,12 @@ class HostedRobot:
         self._waiting = Throttle(self._say_waiting, SAY_AGAIN_S)
         self._lost = False
         self._restarts = 0
-        self._life: Life | None = None
-        self._told: tuple[Any, ...] = ()
-        self._told_s = 0.0
+        self._incarnation: Incarnation | None = None
+        self._last_published: tuple[Any, ...] = ()
+        self._published_s = 0.0
         self._failures: list[str] = []
         self._bus = bus
-        self._telling = Telling(bus, self._say_failure)
+        self._publisher = StatusPublisher(bus, self._say_failure)
 
     def _say_waiting(self) -> None:
         whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
@@ -181,7 +181,8 @@ class HostedRobot:
 
     def _listen(self) -> None:
         """Subscribe to all but the air, once: what is declared is declared again after a loss of the connection."""
-        bus, keys = self._bus, self._keys
+        bus = self._bus
+        keys = self._keys
         bus.subscribe(keys.call(self._robot), self._on_air)
         bus.subscribe(keys.sense(self._robot), self._on_sense)
         bus.subscribe(keys.clock, self._on_clock)
@@ -192,23 +193,25 @@ class HostedRobot:
         bus.on_transport = self._on_transport
 
     def _begin(self, envelope: wire.Envelope) -> None:
-        """Begin a life in the world that sent `envelope`."""
+        """Begin an incarnation in the world that sent `envelope`."""
         known = envelope.body
         assert isinstance(known, wire.Map)
-        if self._life is not None:
-            self._life.end()
+        if self._incarnation is not None:
+            self._incarnation.end()
             log.info("another run has begun; robot %d starts anew", self._robot)
         try:
-            loaded, fresh, key = self._carried
+            loaded, fresh, key = self._setup
             phase = phase_of(self._first, known.roster)
             config = node_config(self._robot, known, loaded.program, known.lives, phase)
             security = make_security(self._robot, known, envelope.run, key)
             station = make_station(config, known.radio, security)
-            send = Sender(
+            send = Outlets(
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
-            self._life = Life(config, loaded, fresh(), station, self._clock, send, self._ending.break_down)
+            handlers = fresh()
+            fail = self._ending.break_down
+            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return
@@ -221,12 +224,12 @@ class HostedRobot:
     # -- what comes in ------------------------------------------------------------------------------------------
 
     def _on_sense(self, _key: str, message: wire.Envelope) -> None:
-        if self._life is not None and isinstance(message.body, wire.Sense):
-            self._life.sense(message.body)
+        if self._incarnation is not None and isinstance(message.body, wire.Sense):
+            self._incarnation.sense(message.body)
 
     def _on_air(self, _key: str, message: wire.Envelope) -> None:
-        if self._life is not None and isinstance(message.body, wire.Air | wire.Handshake):
-            self._life.hear(message.body.announcement)
+        if self._incarnation is not None and isinstance(message.body, wire.Air | wire.Handshake):
+            self._incarnation.hear(message.body.announcement)
 
     def _on_clock(self, _key: str, _message: wire.Envelope) -> None:
         self._doubt_time()
@@ -241,8 +244,8 @@ class HostedRobot:
 
     def _disturb(self, told: wire.Message) -> None:
         """Take over what disturbs the radio, as the map or the world's news have it."""
-        if self._life is not None and isinstance(told, wire.Map | wire.Disturbances):
-            self._life.disturb(told.disturbances if isinstance(told, wire.Map) else told.held)
+        if self._incarnation is not None and isinstance(told, wire.Map | wire.Disturbances):
+            self._incarnation.disturb(told.disturbances if isinstance(told, wire.Map) else told.held)
 
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Stop):
@@ -269,8 +272,8 @@ class HostedRobot:
             burst = 1 if self._clock.delay is not None else CLOCK_BURST
             for _ in range(burst):
                 await self._ask_time()
-            if self._life is not None:
-                self._life.wake()
+            if self._incarnation is not None:
+                self._incarnation.wake()
             period_s = CLOCK_RUNNING_S if self._clock.running else CLOCK_STANDING_S
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._clock_news.wait(), period_s)
@@ -291,44 +294,45 @@ class HostedRobot:
             await self._publish_status(final=False)
 
     async def _publish_status(self, *, final: bool) -> None:
-        life = self._life
-        if life is None:
+        incarnation = self._incarnation
+        if incarnation is None:
             return
-        now = life.now()
-        finished = life.started and life.node.finished()
+        now = incarnation.now()
+        finished = incarnation.started and incarnation.node.finished()
         state = self._state(finished=finished, final=final)
-        news = (state, progress(life.node, now) if life.started else "", finished)
-        due = time.monotonic() - self._told_s >= STATUS_AT_LEAST_S
-        self._log_trace(life)
-        if not (final or due or news != self._told):
+        news = (state, progress(incarnation.node, now) if incarnation.started else "", finished)
+        due = time.monotonic() - self._published_s >= STATUS_AT_LEAST_S
+        self._log_trace(incarnation)
+        if not (final or due or news != self._last_published):
             return
-        self._told, self._told_s = news, time.monotonic()
+        self._last_published = news
+        self._published_s = time.monotonic()
         status = wire.Status(state, news[1], finished, final, now, {})
-        await self._telling.tell(self._keys.status(self._robot), status, lambda: self._report(life))
+        await self._publisher.tell(self._keys.status(self._robot), status, lambda: self._report(incarnation))
 
-    def _report(self, life: Life) -> dict[str, Any]:
+    def _report(self, incarnation: Incarnation) -> dict[str, Any]:
         losses = self._bus.losses
-        bus = {"lost": losses.lost, "malformed": losses.malformed + life.link.malformed}
+        bus = {"lost": losses.lost, "malformed": losses.malformed + incarnation.link.malformed}
         host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {})
-        if not life.started:
+        if not incarnation.started:
             return host
-        return robot_report(life.node, life.link.station.counters.as_dict(), self._restarts) | host
+        return robot_report(incarnation.node, incarnation.link.station.counters.as_dict(), self._restarts) | host
 
     def _state(self, *, finished: bool, final: bool) -> str:
-        assert self._life is not None
+        assert self._incarnation is not None
         if final:
             return "stopped" if self.leaving.code == 0 else "failed"
-        if not self._life.ready:
+        if not self._incarnation.ready:
             return "waiting"
-        if not self._life.started:
+        if not self._incarnation.started:
             return "ready"
         return "finished" if finished else "running"
 
-    def _log_trace(self, life: Life) -> None:
+    def _log_trace(self, incarnation: Incarnation) -> None:
         """Write what the node has noted since the last time into the log."""
-        if life.link.station.mute:
+        if incarnation.link.station.mute:
             self._say_failure("the radio's frame counter is used up: the robot sends nothing more; start it again")
-        for entry in life.node.trace_log:
+        for entry in incarnation.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
             if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
                 self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
@@ -347,7 +351,7 @@ class HostedRobot:
                 self._say_failure(f"a goal stays open: {entry['rule']} fires again and again for the same facts")
             elif entry.get("what") == "other_program":
                 self._say_failure(f"robot {entry['source']} runs another program: neither understands the other")
-        life.node.trace_log.clear()
+        incarnation.node.trace_log.clear()
 
     def _say_failure(self, message: str) -> None:
         """Say once what has gone wrong: a program that tries again and again does not fill the screen."""
@@ -357,8 +361,8 @@ class HostedRobot:
 
     async def _leave(self) -> None:
         """Tell for the last time."""
-        if self._life is not None:
-            self._life.end()
+        if self._incarnation is not None:
+            self._incarnation.end()
             await self._publish_status(final=True)
             await asyncio.sleep(FLUSH_S)
         self._bus.close()

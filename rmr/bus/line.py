@@ -19,7 +19,7 @@ from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
 from rmr.bus.losses import Losses
-from rmr.bus.parts import Unfinished
+from rmr.bus.message_parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
 """Limit for closing the session: zenoh waits for its router while it reconnects, but the process must end."""

@@ -39,7 +39,7 @@ from rmr.bus.checks import MalformedError  # noqa: E402
 from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
 from rmr.bus.line import Handler, Line, Listener  # noqa: E402
 from rmr.bus.losses import Losses  # noqa: E402
-from rmr.bus.parts import cut  # noqa: E402
+from rmr.bus.message_parts import cut  # noqa: E402
 from rmr.bus.secret import Secret  # noqa: E402
 
 LEASE_MS = 3000

@@ -59,7 +59,7 @@ OPERATOR_ID: Final = -2
 
 MESSAGE_OCTETS_MAX: Final = 1 << 20
 """The largest message that travels as one; a map with thousands of obstacles stays well below. What is larger is sent
-in parts (`rmr.bus.parts`)."""
+in parts (`rmr.bus.message_parts`)."""
 
 PART_OCTETS_MAX: Final = 3 << 14
 """The most of a larger message that one `Part` carries: 48 KiB, which the middleware sends as one batch."""

@@ -7,7 +7,7 @@ that stand, so that each failure counts once; and the stream from which the robo
 
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -15,14 +15,18 @@ from rmr.bytecode.program import InitialFact, Kind, Program, Slot
 from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, write
 
-if TYPE_CHECKING:
-    from rmr.columns.column_goals import ColumnGoals
+
+class GoalWatch(Protocol):
+    """What a block tells of its new facts: `rmr.columns.column_goals`."""
+
+    def inserted(self, block: "Block", predicate: int, rows: Array) -> None:
+        """Handle new facts of `predicate` in `rows`."""
 
 
 class Follows:
     """What insertions of each predicate have to be told to; the same for all blocks."""
 
-    def __init__(self, program: Program, goals: "ColumnGoals") -> None:
+    def __init__(self, program: Program, goals: GoalWatch) -> None:
         self.goals = goals
         self.fired: list[list[int]] = [[] for _ in program.predicates]
         """Rules that may fire again."""

@@ -26,8 +26,8 @@ ROOTS = {"rmr": "rmr", "agents/rmr_agent": "rmr_agent", "world/rmr_world": "rmr_
 """Where the packages lie that are compiled in part."""
 HOT = (
     "agents/rmr_agent/clock.py",
-    "agents/rmr_agent/life.py",
-    "agents/rmr_agent/ports.py",
+    "agents/rmr_agent/incarnation.py",
+    "agents/rmr_agent/bus_ports.py",
     "rmr/base/*.py",
     "rmr/bus/checks.py",
     "rmr/bus/line.py",
@@ -39,6 +39,7 @@ HOT = (
     "rmr/node/crossing/*.py",
     "rmr/node/logic/*.py",
     "rmr/node/motion/*.py",
+    "rmr/node/motion/standoff/*.py",
     "rmr/node/peers/*.py",
     "rmr/radio/*.py",
     "world/rmr_sim/robot_host.py",

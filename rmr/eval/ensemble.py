@@ -40,7 +40,7 @@ from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr.vm.engines import Engine
 
 FIRINGS_MAX = 2_000_000
@@ -197,7 +197,7 @@ class Ensemble:
             conditions.seed,
             facts=tuple(self._facts_of(robot)),
             epoch=epoch,
-            trace=Level.NOTES if self._sink is None else Level.FIRINGS,
+            trace=TraceLevel.NOTES if self._sink is None else TraceLevel.FIRINGS,
             turn=max(self.acting.longest, TURN_MIN),
             engine=conditions.engine,
         )

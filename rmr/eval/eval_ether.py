@@ -17,9 +17,9 @@ from random import Random
 from rmr.base.kernel import RADIO, Kernel
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.eval.topology import Topology
-from rmr.node import wire
+from rmr.node import payloads
+from rmr.node.payloads import PayloadKind
 from rmr.node.ports import Confirmed, Received
-from rmr.node.wire import Kind
 
 HOPS_AT_ONCE_MAX = 1000
 """Frames of one instant of which each answers the one before: a flood through a thousand robots in a line."""
@@ -33,7 +33,7 @@ LQI = 255
 """Link quality of every reception: the best value of IEEE 802.15.4."""
 
 COORDINATION_LAST = 0x0F
-"""First octets up to this belong to coordination (`rmr.node.wire`)."""
+"""First octets up to this belong to coordination (`rmr.node.payloads`)."""
 
 Lost = Callable[[Instant, int, int, bytes], None]
 """Told of every lost frame: when it was sent, its source, whom it did not reach, its payload."""
@@ -53,9 +53,9 @@ class Messages:
 
 
 class EtherLink:
-    """One robot's end of it: the `rmr.node.ports.Link` of its node."""
+    """One robot's end of it: the `rmr.node.ports.RadioPort` of its node."""
 
-    payload_max = wire.PAYLOAD_OCTETS_MAX
+    payload_max = payloads.PAYLOAD_OCTETS_MAX
 
     def __init__(self, ether: "EvalEther", robot: int, wake: Callable[[Instant], None]) -> None:
         self.robot = robot
@@ -108,7 +108,7 @@ class EtherLink:
 
     def repeats(self, payload: bytes, destination: int | None) -> bool:
         """Return whether a frame that leaves repeats an earlier one, and remember it."""
-        if destination is not None and payload[0] in (Kind.FACT, Kind.FRAGMENT):
+        if destination is not None and payload[0] in (PayloadKind.FACT, PayloadKind.FRAGMENT):
             return self._repeats_numbered(payload, destination)
         known = (destination, payload) in self._said
         if not known:
@@ -117,7 +117,7 @@ class EtherLink:
 
     def _repeats_numbered(self, payload: bytes, destination: int) -> bool:
         """Numbers of first copies only rise (modulo 2**16), and the parts of one number follow each other."""
-        frame = wire.decode_fact_frame(payload)
+        frame = payloads.decode_fact_frame(payload)
         newest = self._newest.get(destination)
         if newest is not None:
             ahead = (frame.sequence - newest[0]) & 0xFFFF
@@ -193,7 +193,7 @@ class EvalEther:
             for robot in wanted:
                 if robot not in there:
                     self._lost(self._kernel.now, link.robot, robot, payload)
-        if payload[0] == Kind.FACT_ACK:
+        if payload[0] == PayloadKind.FACT_ACK:
             return
         messages = self.messages
         messages.sent += count
@@ -221,13 +221,13 @@ class EvalEther:
             self._links[robot].take(now, frame, hops)
         if len(taken) < len(receivers):
             self._miss(frame, [robot for robot in receivers if robot not in taken])
-        if frame.payload[0] != Kind.FACT_ACK:
+        if frame.payload[0] != PayloadKind.FACT_ACK:
             self.messages.delivered += len(taken)
 
     def _miss(self, frame: Received, dead: list[int]) -> None:
         """Count a frame as lost for robots that have died while it was under way."""
         self.taken([frame] * len(dead))
-        if frame.payload[0] != Kind.FACT_ACK:
+        if frame.payload[0] != PayloadKind.FACT_ACK:
             self.messages.lost += len(dead)
         if self._lost is not None:
             for robot in dead:
@@ -239,11 +239,11 @@ class EvalEther:
 
 
 def _awaited(payload: bytes) -> bool:
-    return payload[0] > COORDINATION_LAST and payload[0] != Kind.FACT_ACK
+    return payload[0] > COORDINATION_LAST and payload[0] != PayloadKind.FACT_ACK
 
 
 def frame_text(payload: bytes) -> str:
     """Return what kind of frame a payload is: ``fact``, ``acknowledgement``, ``coordination``, ..."""
     if payload[0] <= COORDINATION_LAST:
         return "coordination"
-    return {Kind.FACT_ACK: "acknowledgement"}.get(Kind(payload[0]), Kind(payload[0]).name.lower())
+    return {PayloadKind.FACT_ACK: "acknowledgement"}.get(PayloadKind(payload[0]), PayloadKind(payload[0]).name.lower())

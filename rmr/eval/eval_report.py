@@ -1,21 +1,60 @@
 """What is told of a run: the report, and in words what still went on at its end."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
+from rmr.eval.acting import Acting
 from rmr.eval.deaths import Death
-from rmr.eval.eval_ether import LATENCY, Messages
+from rmr.eval.eval_ether import LATENCY, EvalEther, Messages
 from rmr.eval.given import Insertion
+from rmr.eval.topology import Topology
 from rmr.node.report import job_entry
 
 if TYPE_CHECKING:
-    from rmr.eval.ensemble import Ensemble, Hosted
+    from rmr.node.node import Node
 
 DIED = "died"
 """The `cause` of a job that its robot's death has left undecided."""
 REASONS_MAX = 8
 """Reasons why a run did not become quiescent that are told; thousands of robots may have the same."""
+
+
+class HostedNode(Protocol):
+    """One robot of the run: `rmr.eval.ensemble.Hosted`."""
+
+    robot: int
+    node: "Node"
+    alive: bool
+    past: list[dict[str, Any]]
+    firings: int
+    last_rule: str | None
+
+
+class Connected(Protocol):
+    """The conditions of a run, as far as the report names them."""
+
+    @property
+    def topology(self) -> Topology:
+        """Who is in range of whom."""
+
+
+class NodeRun(Protocol):
+    """A run of nodes: `rmr.eval.ensemble.Ensemble`."""
+
+    acting: Acting
+    ether: EvalEther
+    repeats: dict[tuple[int, str], int]
+    undelivered: dict[tuple[int, int, str, str], None]
+    unheard: list[tuple[int, str]]
+
+    @property
+    def robots(self) -> Mapping[int, HostedNode]:
+        """All robots by number."""
+
+    @property
+    def conditions(self) -> Connected:
+        """The conditions of the run."""
 
 
 class Run(Protocol):
@@ -112,7 +151,7 @@ def satisfied(firings: int, last: str | None) -> str:
 # ---- of robots as nodes
 
 
-def entry(hosted: "Hosted") -> dict[str, Any]:
+def entry(hosted: HostedNode) -> dict[str, Any]:
     """Return what the report says of a robot; of one that has been killed also how often and whether it lives."""
     part = _life(hosted)
     if not hosted.past and hosted.alive:
@@ -126,7 +165,7 @@ def entry(hosted: "Hosted") -> dict[str, Any]:
     return part | {"restarts": len(hosted.past), "alive": hosted.alive}
 
 
-def past_life(hosted: "Hosted") -> dict[str, Any]:
+def past_life(hosted: HostedNode) -> dict[str, Any]:
     """Return the part of the report of a node that has died."""
     return _died(_life(hosted))
 
@@ -136,19 +175,19 @@ def _died(part: dict[str, Any]) -> dict[str, Any]:
     return part | {"assertions": [job | {"cause": DIED} if job["met"] is None else job for job in part["assertions"]]}
 
 
-def _life(hosted: "Hosted") -> dict[str, Any]:
+def _life(hosted: HostedNode) -> dict[str, Any]:
     node = hosted.node
     return {
         "facts": node.machine.facts(),
         "goals": node.machine.goals(),
-        "actions": [[at, text] for at, text in node.action_log],
+        "actions": [[at, text] for at, text in node.services.action_log],
         "assertions": [job_entry(job) for job in node.machine.jobs],
-        "undelivered": node.talk.deliveries.undelivered,
+        "undelivered": node.messenger.deliveries.undelivered,
         "expression_failures": node.machine.expression_failures,
     }
 
 
-def outstanding(hosted: "Hosted") -> Iterator[str]:
+def outstanding(hosted: HostedNode) -> Iterator[str]:
     """Yield what a robot has yet to do, with names where there are any."""
     node = hosted.node
     if not node.machine.quiescent:
@@ -160,26 +199,26 @@ def outstanding(hosted: "Hosted") -> Iterator[str]:
     for job in node.machine.jobs:
         if job.finish is None and not job.missed:
             yield f"the deadline of {job.name}, {job.text}, is at {in_seconds(job.deadline):g} s"
-    if not node.talk.exchange.idle:
+    if not node.messenger.exchange.idle:
         yield "a fact for another robot is not acknowledged yet"
 
 
-def dropped(ensemble: "Ensemble") -> Iterator[str]:
+def dropped(ensemble: NodeRun) -> Iterator[str]:
     """Yield what was more than a robot keeps, and so was dropped."""
     for identity, robot in ensemble.robots.items():
         for what, count in robot.node.machine.dropped.items():
             yield f"robot {identity} dropped {count} {what}: more than it keeps (`--trace` says where)"
 
 
-def omitted(ensemble: "Ensemble") -> Iterator[str]:
+def omitted(ensemble: NodeRun) -> Iterator[str]:
     """Yield whose oldest actions the report leaves out."""
     for identity, robot in ensemble.robots.items():
-        count = robot.node.action_log.omitted
+        count = robot.node.services.action_log.omitted
         if count:
             yield f"robot {identity}: the report leaves out its {count} oldest actions (`--trace` has all)"
 
 
-def repeating(ensemble: "Ensemble") -> Iterator[str]:
+def repeating(ensemble: NodeRun) -> Iterator[str]:
     """Yield the rules that fired again and again for the same facts, of robots whose goals are still open."""
     for (identity, rule), firings in ensemble.repeats.items():
         still = ensemble.robots[identity].node.machine.goals()["open"]
@@ -189,7 +228,7 @@ def repeating(ensemble: "Ensemble") -> Iterator[str]:
             yield f"robot {identity}: {goals}, and {rule} fired {firings} times for the same facts"
 
 
-def undelivered(ensemble: "Ensemble") -> Iterator[str]:
+def undelivered(ensemble: NodeRun) -> Iterator[str]:
     """Yield what could not be delivered, each once, and why."""
     topology = ensemble.conditions.topology
     for source, destination, name, why in ensemble.undelivered:
@@ -198,13 +237,13 @@ def undelivered(ensemble: "Ensemble") -> Iterator[str]:
         yield f"`{name}` of robot {source} did not reach robot {destination}: {told}"
 
 
-def unheard(ensemble: "Ensemble") -> Iterator[str]:
+def unheard(ensemble: NodeRun) -> Iterator[str]:
     """Yield the facts from outside that came while their robot was dead."""
     for robot, text in ensemble.unheard:
         yield f"--insert '{text}' came while robot {robot} was dead; it is dropped"
 
 
-def unmatched(ensemble: "Ensemble") -> Iterator[str]:
+def unmatched(ensemble: NodeRun) -> Iterator[str]:
     """Yield the `--fail` that no action has met."""
     for each in ensemble.acting.failing:
         if each.met < (each.wanted.number or 1):
@@ -212,7 +251,7 @@ def unmatched(ensemble: "Ensemble") -> Iterator[str]:
             yield f"--fail '{each.wanted.text}' failed no action: of those that match {begun}"
 
 
-def slowed(ensemble: "Ensemble") -> Iterator[str]:
+def slowed(ensemble: NodeRun) -> Iterator[str]:
     """Yield that frames had to be slowed down, if they had."""
     if ensemble.ether.slowed_at is not None:
         since = in_seconds(ensemble.ether.slowed_at)

@@ -10,25 +10,25 @@ from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.timing import Timing
-from rmr.node.crossing.turn import UNKNOWN_INSIDE
-from rmr.node.trace import Level
+from rmr.node.profile import Profile, profile_of
+from rmr.node.trace import TraceLevel
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
+FinishPattern = tuple[str, tuple[Anything | Constant, ...]]
+"""Predicate and patterns, without the owner, of the fact that ends the robot's part."""
 
-
+UNKNOWN_INSIDE: Final[Duration] = seconds(1)
+"""Expected length of a crossing whose action is not a drive; it is extended while the action lasts longer."""
 LISTEN: Final[Duration] = milliseconds(1200)
-"""A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
+"""Time that a restarted robot listens before it drives: two hellos of each parked robot."""
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)
-"""Where all can hear each other, until it has heard where each of the others is, at first too, but no longer than this:
-who is silent then is not there, and no cut of the radio is counted on to last longer."""
-CROWD_FROM: Final = 21
-"""A roster of so many robots is a crowd. Of more of them the first hellos take longer (of fifty 2.8 s) than agreeing on
-slots, and each frame is heard by so many that to call them all costs more than all else."""
+"""Longest time that a robot listens before it drives on a floor within radio range: until it knows where each of the
+others is. A robot that is silent for longer is taken for absent, and no radio outage is expected to last longer."""
 IN_RANGE_DB: Final = 6.0
-"""Received so much above the sensitivity a robot is surely heard."""
+"""Margin above the sensitivity at which reception is certain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,13 @@ class NodeConfig:
     """Power and path loss, by which distances are told from signal strength."""
     facts: tuple[GivenFact, ...] = ()
     """Facts of the lab beside the program's; those of other robots are ignored."""
-    finish: tuple[str, tuple[Anything | Constant, ...]] | None = None
-    """Predicate and patterns (without the owner) of the fact that ends the robot's part."""
+    finish: FinishPattern | None = None
+    """The fact that ends the robot's part; None: nothing does."""
     epoch: int = 0
     """How often the robot was started before; tells its messages from those of an earlier life."""
     phase: Duration = 0
     """How much later than the lab's its frames begin: hosts that share a machine spread theirs."""
-    trace: Level = Level.NOTES
+    trace: TraceLevel = TraceLevel.NOTES
     """How much the robot notes for whoever watches it."""
     engine: Engine = Engine.GENERATED
     """What runs the program; all engines do the same."""
@@ -61,10 +61,15 @@ class NodeConfig:
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
 
+    without: frozenset[str] = frozenset()
+    """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
+    firings: dict[str, int] = field(default_factory=dict)
+    """How often each rule of motion has had an effect; robots of one simulation share it."""
+
     @property
-    def crowded(self) -> bool:
-        """Whether the robot is one of a crowd."""
-        return len(self.roster) >= CROWD_FROM
+    def profile(self) -> Profile:
+        """What robots of a group of this size do."""
+        return profile_of(len(self.roster))
 
     @property
     def listens(self) -> Duration:

@@ -1,10 +1,10 @@
 """The robot as a body: where it is, what it sees, where it drives and which place it takes.
 
 The driver owns localisation and navigator. It takes one of an area's places by the robot's rank in the schedule, and
-another one where somebody else has been faster: places are told in the hellos, and the earlier rank keeps its own.
+another one where a different robot has been faster: hellos tell the places, and the earlier rank keeps its own.
 
-A body goes on while what it senses waits for a processor. So a robot drives on what it has sensed just now alone: the
-longer its wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s it stands.
+A body moves on while its samples wait for a processor. So the speed depends on the age of the newest sample: the longer
+the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,42 +21,43 @@ from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.payloads import Hello
 from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
-from rmr.node.ports import Body, SeenBody
-from rmr.node.wire import Hello
+from rmr.node.ports import BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
-"""A moving robot repeats its wheel command at least this often, every other frame: the body brakes 0.1 s after the last
-was decided."""
+"""Greatest time between two wheel commands of a moving robot, two frames: the body brakes 0.1 s after the last one."""
 UNWATCHED: Final[Duration] = milliseconds(50)
-"""For so long after the newest sample the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
-virtual time it is a frame, in a process that is called in time two."""
+"""The wheels may turn at full speed for this long after the newest sample: 1 cm, which the margins of `motion` cover.
+Samples are one frame old in virtual time, two in a process that is called in time."""
 STALE: Final[Duration] = milliseconds(100)
-"""Older samples describe another situation, as older commands do: the robot stands. A body that stands is sampled that
-often at least, and from when it sets out in each frame."""
-HEED_EVERY: Final[Duration] = milliseconds(200)
-"""How often a driving robot looks at what the others that drive have said."""
+"""With an older sample the robot stands: it describes another situation. A body that stands is sampled at least this
+often, one that drives in each frame."""
+APPLY_HELLOS_EVERY: Final[Duration] = milliseconds(200)
+"""Period with which a driving robot takes in the hellos of the others that drive."""
 SPOT_GAP_M: Final = 0.06
-"""Between the hulls of two robots that stand in one box."""
+"""Gap between the hulls of two robots that stand in one box."""
 SPOT_INSET_M: Final = 0.03
-"""From a spot to the box's edge, so that localisation noise does not put the robot outside."""
+"""Distance of a spot from the box's edge, so that localisation noise does not put the robot outside."""
 SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
-"""Robots without a rank come after all that have one."""
+"""Rank of a robot that has none: it comes after all others."""
 
 
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, config: NodeConfig, body: Body) -> None:
+    def __init__(self, config: NodeConfig, body: BodyPort) -> None:
         self.arena = arena = config.arena
         self.localiser = Localiser(arena)
-        self.navigator = Navigator(arena, config.robot, len(config.roster))
-        self._listens: Duration = config.listens
-        """For how long at most it stands until it has heard of all others of the roster."""
+        self._switches = switches = RuleSwitches(config.without, config.firings)
+        self.navigator = Navigator(arena, config.robot, len(config.roster), switches)
+        self._listens: Duration = 0 if switches.off("listen") else config.listens
+        """How long it stands at most until it has heard of all others of the roster."""
         self.navigator.hearing.listens = self._listens > 0
-        self.approach = Approach(self.navigator, config.crowded)
+        self.approach = Approach(self.navigator, config.profile.finishes_in_order)
         self.place: Point | None = None
         """The slot that the robot has taken."""
         self._home: Point | None = None
@@ -71,16 +72,16 @@ class Driver:
         self._areas = [(area, (Symbol(area.name),), extent(area)) for area in arena.areas]
         self._stated_pose: Pose | None = None
         self._stated_place: Point | None = None
-        """The pose and the place of which the facts tell."""
+        """The pose and the place that the facts hold."""
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._sensed_at: Instant = 0
         """When the newest sample was taken."""
         self._set_out_at: Instant = 0
-        """Since when the wheels are commanded to turn, if they are."""
-        self._heed_at: Instant = 0
+        """When the wheels were commanded to turn, if they are."""
+        self._apply_hellos_at: Instant = 0
         self.stays_until: Instant = 0
-        """It has told the others that it will not move before."""
+        """It has promised the others not to move before."""
         self._began: Instant | None = None
 
     @property
@@ -104,35 +105,51 @@ class Driver:
         """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
         samples = self._body.sense()
         if samples:
-            self._bodies, self._bumped, self._sensed_at = samples[-1].bodies, False, samples[-1].stamp
+            self._bodies = samples[-1].bodies
+            self._bumped = False
+            self._sensed_at = samples[-1].stamp
         for sample in samples:
             self.localiser.feed(sample)
             self._bumped = self._bumped or sample.bumped
-        pose, navigator = self.localiser.pose, self.navigator
+        pose = self.localiser.pose
+        navigator = self.navigator
         if self._began is None:
             self._began = now
         if pose is None:
             return
         if navigator.status == "moving":
-            self._heed(now, pose, rank, peers)
+            self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
-        if now >= self.stays_until and now - self._sensed_at <= STALE:
+        if self._may_move(now):
             twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
-            if self.moving:
-                twist = watched(twist, now - max(self._sensed_at, self._set_out_at))
+            unwatched = now - max(self._sensed_at, self._set_out_at)
+            if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):
+                twist = watched(twist, unwatched)
+                self._switches.count("unwatched")
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 
-    def _heed(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
-        """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
-        navigator, hearing = self.navigator, self.navigator.hearing
+    def _may_move(self, now: Instant) -> bool:
+        """Return whether the robot has not promised to stay, and its newest sample still describes the situation."""
+        if now < self.stays_until and not self._switches.off("promise"):
+            self._switches.count("promise")
+            return False
+        if now - self._sensed_at > STALE and not self._switches.off("unwatched"):
+            self._switches.count("unwatched")
+            return False
+        return True
+
+    def _apply_hellos(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
+        """Hand the others' hellos to the navigator: periodically, and at once when one is overdue."""
+        navigator = self.navigator
+        hearing = self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
         listened = hearing.listens and not self.listens(now, peers)
-        if now < self._heed_at and now <= hearing.doubts_at and not listened:
+        if now < self._apply_hellos_at and now <= hearing.overdue_at and not listened:
             return
-        if now >= self._heed_at:
-            self._heed_at = now + HEED_EVERY
+        if now >= self._apply_hellos_at:
+            self._apply_hellos_at = now + APPLY_HELLOS_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape.radius))
 
@@ -145,7 +162,8 @@ class Driver:
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""
-        navigator, home = self.navigator, self._home
+        navigator = self.navigator
+        home = self._home
         if home is None or navigator.status == "moving":
             if navigator.goal != home:
                 self._home = None
@@ -155,17 +173,20 @@ class Driver:
     def _act(self, now: Instant, twist: Twist) -> None:
         if not self.moving:
             self._set_out_at = now
-        self._twist, self._acted_at = twist, now
+        self._twist = twist
+        self._acted_at = now
         self._body.act(twist, now)
 
     def state(self, now: Instant, senses: SensedFacts) -> list[Area]:
         """State the facts `at`, `pose` and `obstacle`; return the areas at which the robot has just arrived."""
-        pose, place = self.localiser.pose, self.place
+        pose = self.localiser.pose
+        place = self.place
         if senses.used("obstacle"):
             senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
         if pose is None or (pose is self._stated_pose and place is self._stated_place):
             return []
-        self._stated_pose, self._stated_place = pose, place
+        self._stated_pose = pose
+        self._stated_place = place
         if senses.used("pose"):
             senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
         arrived = []
@@ -302,7 +323,8 @@ def spots(arena: Arena, area: Area) -> tuple[Point, ...]:
         return area.places
     x0, y0, x1, y1 = area.box
     middle = area.places[0]
-    across, up = _row(x1 - x0, arena.shape.radius), _row(y1 - y0, arena.shape.radius)
+    across = _row(x1 - x0, arena.shape.radius)
+    up = _row(y1 - y0, arena.shape.radius)
     offsets = sorted((dx * dx + dy * dy, dx, dy) for dx in across for dy in up)[:SPOTS_MAX]
     points = (Point(middle.x + dx, middle.y + dy) for _, dx, dy in offsets)
     return tuple(point for point in points if arena.clearance(*point) > arena.shape.radius) or area.places

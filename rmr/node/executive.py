@@ -16,11 +16,11 @@ from typing import Final
 from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, tick_index, tick_start
 
 FRAME_BUDGET: Final[Duration] = NS_PER_S // TICK_HZ
-"""A frame's tasks together may use no more than the frame."""
+"""Processor time that all tasks of one call may use together."""
 
 
 @dataclass(slots=True)
-class Task:
+class ExecutiveTask:
     """One entry of the executive's table, highest priority first."""
 
     name: str
@@ -33,7 +33,7 @@ class Task:
 class Executive:
     """Runs a table of tasks frame by frame."""
 
-    def __init__(self, tasks: list[Task], spent: Callable[[], Duration] | None, phase: Duration = 0) -> None:
+    def __init__(self, tasks: list[ExecutiveTask], spent: Callable[[], Duration] | None, phase: Duration = 0) -> None:
         """`spent` is None in virtual time, which no task uses up; each frame begins `phase` after the lab's."""
         self.tasks = tasks
         self._between = [task for task in tasks if not task.periodic]
@@ -64,6 +64,7 @@ class Executive:
             for task in tasks:
                 task.run(now)
             return
+        # Asked before each task: one that has begun is not interrupted, and those after it have lower priority.
         for task in tasks:
             if spent() > FRAME_BUDGET:
                 task.skipped += 1
@@ -72,10 +73,12 @@ class Executive:
 
     def _begin(self, frame: int) -> None:
         """Begin a frame."""
+        # Frames count as late only while the robot was busy: an idle one is not called, and misses nothing.
         if self._due:
             self.frames_due += frame - self._frame
             self.frames_late += frame - self._frame - 1
-        self._frame, self.frame_ends = frame, tick_start(frame + 1) + self._phase
+        self._frame = frame
+        self.frame_ends = tick_start(frame + 1) + self._phase
 
     def next_frame(self, busy: bool) -> Instant | None:
         """Return when the next frame must begin, or None when nothing periodic goes on."""

@@ -12,7 +12,7 @@ from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import Confirmed, Received
 
-__all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed", "Spoken"]
+__all__ = ["BodyPort", "Confirmed", "Ports", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
 
 
 @final
@@ -105,7 +105,7 @@ class Spoken(NamedTuple):
     payload: bytes
 
 
-class Link(Protocol):
+class RadioPort(Protocol):
     """The radio as the robot sees it: IEEE 802.15.4 data frames."""
 
     @property
@@ -125,7 +125,7 @@ class Link(Protocol):
         """Return the outcomes that have become known since the last call."""
 
 
-class Body(Protocol):
+class BodyPort(Protocol):
     """Wheels and sensors."""
 
     def sense(self) -> list[Sensed]:
@@ -139,8 +139,8 @@ class Body(Protocol):
 class Ports:
     """What a host gives a node."""
 
-    link: Link
-    body: Body | None
+    link: RadioPort
+    body: BodyPort | None
     """None: a robot without a body (logic only). It says no hellos, having no place to tell, and no sense of its own
     finds out what an action has done: what the action's effects say of sensed predicates holds when it ends."""
     spent: Callable[[], Duration] | None = None

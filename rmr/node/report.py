@@ -1,11 +1,37 @@
 """One robot's part of the run's report, and the line that shows how it is getting on."""
 
-from typing import Any
+from typing import Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
-from rmr.node.crossing.turn import Phase
-from rmr.node.node import Node
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.phases import Slotted, phase_name
+from rmr.node.driver import Driver
+from rmr.node.executive import Executive
+from rmr.node.logic.machine_runner import MachineRunner
+from rmr.node.messenger import Messenger
+from rmr.node.services import RobotServices
 from rmr.vm.job import TimedJob
+from rmr.vm.machine import Machine
+
+
+class ReportedNode(Protocol):
+    """What the report looks at: `rmr.node.node.Node`."""
+
+    robot: int
+    machine: Machine
+    driver: Driver | None
+    crossings: Crossings
+    executive: Executive
+    messenger: Messenger
+    runner: MachineRunner
+    services: RobotServices
+
+    @property
+    def finish_at(self) -> Instant | None:
+        """When the finish fact held first."""
+
+    def finished(self) -> bool:
+        """Return whether the finish fact holds, as of the last call."""
 
 
 def job_entry(job: TimedJob) -> dict[str, Any]:
@@ -22,9 +48,12 @@ def job_entry(job: TimedJob) -> dict[str, Any]:
     }
 
 
-def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
+def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
     """Return robot's entry of the report; `radio` holds the link's counters."""
-    jobs, goals, log, deliveries = node.machine.jobs, node.machine.goals(), node.action_log, node.talk.deliveries
+    jobs = node.machine.jobs
+    goals = node.machine.goals()
+    log = node.services.action_log
+    deliveries = node.messenger.deliveries
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
         "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
@@ -32,14 +61,14 @@ def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[s
         "assertions_omitted": jobs[0].serial - 1 if jobs else 0,
         "facts": node.machine.facts(),
         "goals": goals,
-        "goals_omitted": node.mind.achieved - len(goals["achieved"]),
+        "goals_omitted": node.runner.achieved - len(goals["achieved"]),
         "dropped": node.machine.dropped,
         "actions": [[at, text] for at, text in log],
         "actions_omitted": log.omitted,
         "actions_failed": log.failed,
         "first_failure": None if log.first_failure is None else list(log.first_failure),
         "restarts": restarts,
-        "expression_failures": node.machine.expression_failures + node.mind.expression_failures,
+        "expression_failures": node.machine.expression_failures + node.runner.expression_failures,
         "undelivered": deliveries.undelivered,
         "first_undelivered": None if deliveries.first_undelivered is None else list(deliveries.first_undelivered),
         "frames": radio,
@@ -50,35 +79,35 @@ def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[s
     }
 
 
-def schedules(node: Node) -> list[dict[str, Any]]:
+def schedules(node: ReportedNode) -> list[dict[str, Any]]:
     """Return the newest schedule of each event that the robot has heard or made."""
     return [
         {
-            "event": str(node.turns.name_of(event) or event.hex()),
+            "event": str(node.crossings.name_of(event) or event.hex()),
             "leader": schedule.leader,
             "term": schedule.term,
             "order": list(schedule.order),
             "formed_s": round(in_seconds(schedule.formed), 3),
         }
-        for event, schedule in node.turns.schedules.items()
+        for event, schedule in node.crossings.schedules.items()
     ]
 
 
-def progress(node: Node, now: Instant) -> str:
+def progress(node: ReportedNode, now: Instant) -> str:
     """Return what the robot is doing in a few words."""
     if node.finish_at is not None:
         return f"finished at {in_seconds(node.finish_at):.1f} s"
-    turn = node.turns.current
-    action = node.actions.driving
+    crossing = node.crossings.current
+    action = node.services.actions.driving
     doing = action.text(node.robot) if action is not None else "waiting"
-    if turn is None:
+    if crossing is None:
         return doing
-    if turn.phase is Phase.SLOTTED:
-        return f"{doing}, turn {turn.rank} in {in_seconds(turn.start - now):.1f} s"
-    return f"{doing}, {turn.phase.value}"
+    if isinstance(crossing.phase, Slotted):
+        return f"{doing}, turn {crossing.rank} in {in_seconds(crossing.phase.start - now):.1f} s"
+    return f"{doing}, {phase_name(crossing.phase)}"
 
 
-def status(node: Node, now: Instant, radio: dict[str, int]) -> dict[str, Any]:
+def status(node: ReportedNode, now: Instant, radio: dict[str, int]) -> dict[str, Any]:
     """Return what the robot publishes while it runs."""
     return {
         "state": "finished" if node.finished() else "running",

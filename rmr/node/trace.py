@@ -17,7 +17,7 @@ ENTRIES_MAX: Final = 4096
 """Entries kept for the host; the oldest half goes first."""
 
 
-class Level(IntEnum):
+class TraceLevel(IntEnum):
     """How much a robot notes."""
 
     NOTHING = 0
@@ -30,7 +30,7 @@ class Level(IntEnum):
     """The comings and goings of facts too."""
 
 
-class Event(NamedTuple):
+class TraceEvent(NamedTuple):
     """One word of the vocabulary."""
 
     fields: tuple[str, ...]
@@ -38,43 +38,45 @@ class Event(NamedTuple):
     meaning: str
 
 
-EVENTS: Final[dict[str, Event]] = {
-    "fired": Event(("rule",), "a rule was applied: its place in the source, or its number in the byte-code"),
-    "expression_failed": Event(("where", "reason"), "an expression has no value; what needed it was left out"),
-    "bound_reached": Event(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),
-    "restless": Event(("firings",), "the program has had satisfied rules for 60 calls in a row; told once"),
-    "repeats": Event(
+EVENTS: Final[dict[str, TraceEvent]] = {
+    "fired": TraceEvent(("rule",), "a rule was applied: its place in the source, or its number in the byte-code"),
+    "expression_failed": TraceEvent(("where", "reason"), "an expression has no value; what needed it was left out"),
+    "bound_reached": TraceEvent(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),
+    "restless": TraceEvent(("firings",), "the program has had satisfied rules for 60 calls in a row; told once"),
+    "repeats": TraceEvent(
         ("rule", "firings"), "a rule has fired so often for the same facts while no goal was achieved; told once a rule"
     ),
-    "inserted": Event(("fact",), "a fact of the robot now holds; only where facts are traced"),
-    "removed": Event(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
-    "achieved": Event(("goal",), "a goal was discharged"),
-    "finished": Event((), "the lab's finish fact holds"),
-    "action": Event(("action",), "an action has begun"),
-    "action_ended": Event(("action", "failure"), "an action is over: why it failed, or null"),
-    "raised": Event(
+    "inserted": TraceEvent(("fact",), "a fact of the robot now holds; only where facts are traced"),
+    "removed": TraceEvent(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
+    "achieved": TraceEvent(("goal",), "a goal was discharged"),
+    "finished": TraceEvent((), "the lab's finish fact holds"),
+    "action": TraceEvent(("action",), "an action has begun"),
+    "action_ended": TraceEvent(("action", "failure"), "an action is over: why it failed, or null"),
+    "raised": TraceEvent(
         ("action", "traceback"), "its handler raised an exception: a line for each call, the last one last"
     ),
-    "said": Event(("text",), "the action `say`"),
-    "light": Event(("colour",), "the action `light`"),
-    "at": Event(("area",), "the robot has arrived at an area"),
-    "job_started": Event(("job", "deadline_s"), "a time assertion's job has started, or started anew"),
-    "job_finished": Event(("job",), "its finish fact was inserted, in time or late"),
-    "deadline_missed": Event(("job",), "its deadline passed without the finish fact"),
-    "sent": Event(("destination", "fact"), "a fact, goal or action, or news of one, set out for another robot"),
-    "repeated": Event(("destination", "fact"), "it was sent again, for want of an acknowledgement"),
-    "delivered": Event(("destination", "fact"), "the other robot has acknowledged it"),
-    "undelivered": Event(("destination", "predicate", "fact", "why"), "it was given up"),
-    "received": Event(("source", "predicate", "fact"), "it has arrived here, the first time"),
-    "malformed": Event(("source", "why"), "a frame that no robot of this program sends was dropped"),
-    "other_program": Event(("source",), "another robot runs another program"),
-    "asks": Event(("approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),
-    "slotted": Event(("rank", "start_s", "end_s"), "it has a slot"),
-    "slot_lost": Event(("event", "missed"), "its slot is gone; whether it let it pass"),
-    "entered": Event(("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"),
-    "left": Event(("event",), "its turn is over"),
-    "scheduled": Event(("leader", "term", "order"), "a new schedule of an event was heard or made"),
-    "leads": Event(("term",), "the robot leads an event's schedule"),
+    "said": TraceEvent(("text",), "the action `say`"),
+    "light": TraceEvent(("colour",), "the action `light`"),
+    "at": TraceEvent(("area",), "the robot has arrived at an area"),
+    "job_started": TraceEvent(("job", "deadline_s"), "a time assertion's job has started, or started anew"),
+    "job_finished": TraceEvent(("job",), "its finish fact was inserted, in time or late"),
+    "deadline_missed": TraceEvent(("job",), "its deadline passed without the finish fact"),
+    "sent": TraceEvent(("destination", "fact"), "a fact, goal or action, or news of one, set out for another robot"),
+    "repeated": TraceEvent(("destination", "fact"), "it was sent again, for want of an acknowledgement"),
+    "delivered": TraceEvent(("destination", "fact"), "the other robot has acknowledged it"),
+    "undelivered": TraceEvent(("destination", "predicate", "fact", "why"), "it was given up"),
+    "received": TraceEvent(("source", "predicate", "fact"), "it has arrived here, the first time"),
+    "malformed": TraceEvent(("source", "why"), "a frame that no robot of this program sends was dropped"),
+    "other_program": TraceEvent(("source",), "another robot runs another program"),
+    "asks": TraceEvent(("approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),
+    "slotted": TraceEvent(("rank", "start_s", "end_s"), "it has a slot"),
+    "slot_lost": TraceEvent(("event", "missed"), "its slot is gone; whether it let it pass"),
+    "entered": TraceEvent(
+        ("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"
+    ),
+    "left": TraceEvent(("event",), "its turn is over"),
+    "scheduled": TraceEvent(("leader", "term", "order"), "a new schedule of an event was heard or made"),
+    "leads": TraceEvent(("term",), "the robot leads an event's schedule"),
 }
 """Every word, with the fields of its entries."""
 
@@ -84,15 +86,15 @@ class Trace:
 
     __slots__ = ("_robot", "entries", "level")
 
-    def __init__(self, robot: int, level: Level) -> None:
-        self.level = level
+    def __init__(self, robot: int, level: TraceLevel) -> None:
+        self.level: Final = level
         self.entries: list[dict[str, Any]] = []
         self._robot = robot
 
     def note(self, now: Instant, what: str, **fields: Any) -> None:
         """Note that `what`, a word of `EVENTS`, has happened."""
         assert tuple(fields) == EVENTS[what].fields, (what, *fields)
-        if self.level is Level.NOTHING:
+        if self.level is TraceLevel.NOTHING:
             return
         if len(self.entries) >= ENTRIES_MAX:
             del self.entries[: ENTRIES_MAX // 2]

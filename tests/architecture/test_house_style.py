@@ -8,7 +8,10 @@ from pathlib import PurePosixPath
 import pytest
 from source_tree import ROOT, Module, modules, tracked_text
 
-MODULE_LINES_MAX = 400
+MODULE_LINES_GUIDE = 400
+LONGER_MODULES: dict[str, str] = {}
+"""Modules longer than the guide, each with the reason why it is not two: cutting by arithmetic makes two that only make
+sense together."""
 FUNCTION_LINES_MAX = 60
 """Functions aim for ten lines and are rarely over forty; sixty is where a reader is lost for certain."""
 
@@ -43,9 +46,10 @@ def iterated(module: Module) -> list[ast.expr]:
     return [node.iter for node in ast.walk(module.tree) if isinstance(node, loops)]
 
 
-@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
-def test_a_module_fits_into_a_readers_head(module):
-    assert len(module.path.read_text().splitlines()) <= MODULE_LINES_MAX
+def test_a_module_longer_than_the_guide_of_400_lines_gives_its_reason():
+    lengths = {module.name: len(module.path.read_text().splitlines()) for module in modules()}
+    assert {name for name, lines in lengths.items() if lines > MODULE_LINES_GUIDE} == set(LONGER_MODULES)
+    assert all(len(reason) >= 20 for reason in LONGER_MODULES.values())
 
 
 @pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)

@@ -38,8 +38,8 @@ from rmr.radio.cells import RANGE_MAX_M, Grid, grid_of, interference_range_m
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import TURNAROUND, RadioConfig, airtime
 from rmr.radio.station import Station
-from rmr_agent.air import LocalAir
-from rmr_agent.ports import RADIO_GRACE, RadioLink
+from rmr_agent.bus_ports import RADIO_GRACE, RadioLink
+from rmr_agent.local_air import LocalAir
 
 CONFIG = RadioConfig(tx_power_dbm=-30.0)
 """A weak radio, for a short range: what counts is how wide the arena is in ranges."""

@@ -34,7 +34,7 @@ from rmr.bus.session import open_bus
 from rmr.radio.ether import Ether
 from rmr.radio.phy import RadioConfig
 from rmr.radio.station import Station
-from rmr_agent.ports import RADIO_GRACE, RadioLink
+from rmr_agent.bus_ports import RADIO_GRACE, RadioLink
 
 PAN = 7
 SEED = 11

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
-from rmr.node import wire
-from rmr.node.wire import NUMBERED, Delivery, Role, WireError
+from rmr.node import payloads
+from rmr.node.payloads import NUMBERED, Delivery, DeliveryRole, WireError
 
 NAMES = ("entry", "exit")
 NUMBERS = {name: number for number, name in enumerate(NAMES)}
@@ -26,19 +26,19 @@ values: st.SearchStrategy[Value] = st.recursive(scalars, lambda v: st.lists(v, m
 
 @st.composite
 def deliveries(draw: st.DrawFn) -> Delivery:
-    role = draw(st.sampled_from(Role))
+    role = draw(st.sampled_from(DeliveryRole))
     number = draw(st.integers(0, 2**64 - 1)) if role in NUMBERED else 0
     return Delivery(role, draw(st.integers(0, 0xFFFF)), tuple(draw(st.lists(values, max_size=6))), number)
 
 
 def written(delivery: Delivery) -> bytes:
-    return wire.encode_delivery(delivery, NUMBERS)
+    return payloads.encode_delivery(delivery, NUMBERS)
 
 
 def read(octets: bytes) -> Delivery | None:
     """Return the delivery in `octets`, None if they hold none; any other exception is a failure."""
     try:
-        return wire.decode_delivery(octets, NAMES)
+        return payloads.decode_delivery(octets, NAMES)
     except WireError:
         return None
 
@@ -71,14 +71,14 @@ def test_random_octets_are_refused_and_never_raise_anything_else(octets):
     read(octets)
 
 
-@given(st.sampled_from(Role), st.integers(1, 15))
+@given(st.sampled_from(DeliveryRole), st.integers(1, 15))
 def test_bits_that_mean_nothing_are_no_delivery(role, low):
     octets = bytearray(written(Delivery(role, 1, ())))
     octets[0] |= low
     assert read(bytes(octets)) is None
 
 
-@given(st.integers(len(Role), 15))
+@given(st.integers(len(DeliveryRole), 15))
 def test_a_role_that_nobody_knows_is_no_delivery(role):
     assert read(struct.pack(">BHBQ", role << 4, 0, 0, 0)) is None
 
@@ -91,14 +91,14 @@ def test_a_role_that_nobody_knows_is_no_delivery(role):
     st.sampled_from((116, 107, 103, 95)),
 )
 def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(digest, epoch, sequence, body, room):
-    payloads = wire.encode_fact_frames(digest, epoch, sequence, body, room)
-    assert all(len(payload) <= room for payload in payloads)
-    assert len(payloads) == 1 or len(payloads[0]) == room
-    frames = [wire.decode_fact_frame(payload) for payload in payloads]
+    frames_out = payloads.encode_fact_frames(digest, epoch, sequence, body, room)
+    assert all(len(payload) <= room for payload in frames_out)
+    assert len(frames_out) == 1 or len(frames_out[0]) == room
+    frames = [payloads.decode_fact_frame(payload) for payload in frames_out]
     assert {(f.digest, f.epoch, f.sequence, f.parts) for f in frames} == {(digest, epoch, sequence, len(frames))}
     assert b"".join(f.piece for f in frames) == body
 
 
 def test_a_text_that_is_no_unicode_cannot_be_told():
     with pytest.raises(WireError, match="no Unicode"):
-        written(Delivery(Role.FACT, 0, ("\ud800",)))
+        written(Delivery(DeliveryRole.FACT, 0, ("\ud800",)))

@@ -6,9 +6,9 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.time import seconds
-from rmr.node import wire
+from rmr.node import payloads
+from rmr.node.payloads import Hello
 from rmr.node.ports import Received
-from rmr.node.wire import Hello
 from rmr_sim.main import main
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
@@ -72,8 +72,8 @@ def test_an_action_that_has_the_wheels_after_a_moveto_keeps_them_when_the_place_
         driving = node.actions.driving
         if driving is not None and driving.name == "face":
             x, y = node.driver.place
-            hello = Hello(x, y, 0.0, 0.0, True, 0, None, node.talk.digest, False)
-            node.talk.receive(now, Received(wire.encode_hello(hello), 2, False, -50.0, 255, now))
+            hello = Hello(x, y, 0.0, 0.0, True, 0, None, node.state.digest, False)
+            node.messenger.receive(now, Received(payloads.encode_hello(hello), 2, False, -50.0, 255, now))
             goals.append(node.driver.navigator.goal)
 
     simulation.checkers.append(dispute)
@@ -81,7 +81,7 @@ def test_an_action_that_has_the_wheels_after_a_moveto_keeps_them_when_the_place_
     assert goals
     assert set(goals) == {None}
     assert [entry["failure"] for entry in traced(simulation, "action_ended")] == [None, None]
-    assert abs(node.percept().pose.theta) > 3.0
+    assert abs(node.services.percept().pose.theta) > 3.0
 
 
 def test_the_trace_of_a_run_that_breaks_down_holds_what_was_noted_until_then(tmp_path, capsys, monkeypatch):

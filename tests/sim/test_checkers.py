@@ -357,7 +357,7 @@ def test_a_fact_accepted_once_is_no_violation_however_often_it_was_sent(tmp_path
     deaf_until_s(monkeypatch, 0.5)
     simulation = greeting(tmp_path)
     simulation.run()
-    assert simulation.robots[0].node.talk.exchange.repeated
+    assert simulation.robots[0].node.messenger.exchange.repeated
     assert "done(@2)" in simulation.robots[1].node.machine.facts()
     assert found(simulation) == []
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
-from rmr.node.crossing.destination import REPLAN_EVERY, bound_for, redirect
-from rmr.node.crossing.turn import Phase, Turn
+from rmr.node.crossing.destination import REPLAN_EVERY
+from rmr.node.crossing.phases import Asking, Inside, Slotted
 from rmr_sim.run_setup import prepare
 
 FRAMES = 150
@@ -14,7 +14,7 @@ FRAMES = 150
 TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"
 
 
-def redirected(phases: tuple[Phase, ...]) -> tuple[list[Instant], int]:
+def redirected(phases: tuple[type, ...]) -> tuple[list[Instant], int]:
     """Send one robot to another place in each frame of `phases`; return when it has planned, and how many frames."""
     simulation = prepare(TESTBED, seed=1, robots=2)
     node = simulation.robots[0].node
@@ -23,15 +23,14 @@ def redirected(phases: tuple[Phase, ...]) -> tuple[list[Instant], int]:
 
     def disturb(now: Instant) -> None:
         nonlocal frames
-        running = node.actions.driving
-        turn = running.turn if running is not None else None
-        if not isinstance(turn, Turn) or turn.goal is None or turn.phase not in phases or node.driver is None:
+        crossing = node.crossings.crossing(node.actions.driving)
+        if crossing is None or crossing.goal is None or type(crossing.phase) not in phases or node.driver is None:
             return
-        goal: Point = turn.goal.places[frames % 2]
+        goal: Point = crossing.goal.places[frames % 2]
         frames += 1
-        redirect(node, now, goal, turn)
-        assert bound_for(node) == goal
-        planned[turn.planned_at] = None
+        node.crossings.destinations.redirect(now, goal, crossing)
+        assert node.crossings.destinations.current() == goal
+        planned[crossing.course.planned_at] = None
         if frames == FRAMES:
             simulation.stop()
 
@@ -41,12 +40,12 @@ def redirected(phases: tuple[Phase, ...]) -> tuple[list[Instant], int]:
 
 
 def test_before_the_gate_a_way_is_planned_once_a_second_at_most() -> None:
-    planned, frames = redirected((Phase.ASKING, Phase.SLOTTED))
+    planned, frames = redirected((Asking, Slotted))
     assert frames == FRAMES
     assert len(planned) > 1
     assert all(b - a >= REPLAN_EVERY for a, b in pairwise(planned))
 
 
 def test_behind_the_gate_it_is_planned_at_once() -> None:
-    planned, frames = redirected((Phase.INSIDE,))
+    planned, frames = redirected((Inside,))
     assert len(planned) == frames > 60

@@ -6,9 +6,9 @@ import pytest
 
 from rmr.base.geometry import Pose, distance
 from rmr.base.time import in_seconds, milliseconds, seconds
-from rmr.node.config import CROWD_FROM
 from rmr.node.crossing.approach import HEADWAY_MARGIN_M, Approach
 from rmr.node.motion.navigator import Navigator
+from rmr.node.profile import CROWD_FROM
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 from rmr_world.lab_file import load_lab
@@ -69,6 +69,6 @@ def test_a_crowd_follows_as_closely_as_hulls_may_and_others_finish_in_the_order_
     arena = load_lab(HALL).arena
     area = arena.area("exit")
     assert area is not None
-    few, many = (Approach(Navigator(arena, 1), crowd).headway(area, 0) for crowd in (False, True))
+    few, many = (Approach(Navigator(arena, 1), in_order).headway(area, 0) for in_order in (True, False))
     assert many == seconds((2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed)
     assert few > 1.4 * many

@@ -10,7 +10,7 @@ from command_runner import invoke
 
 from rmr.base.time import in_seconds, seconds
 from rmr.commands.subcommands import command as main
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.run_setup import Options, load
 
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
@@ -75,7 +75,7 @@ def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
 @pytest.mark.medium
 def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_before_it_asks_for_a_turn():
     lab = LABS / "aisles"
-    simulation = load(lab / "lab.yaml", Options(actions=lab / "actions.py")).simulation(1, Level.FACTS)
+    simulation = load(lab / "lab.yaml", Options(actions=lab / "actions.py")).simulation(1, TraceLevel.FACTS)
     restarts = []
 
     def restart_the_first_robot_at_the_north_shelf(now):

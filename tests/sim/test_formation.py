@@ -59,7 +59,7 @@ def watch_orders(simulation: Simulation) -> list[list[tuple[float, float]]]:
     poses, orders = [], [0]
 
     def observe(_now):
-        most = max(sum("reach" in text for _, text in robot.node.action_log) for robot in simulation.robots)
+        most = max(sum("reach" in text for _, text in robot.node.services.action_log) for robot in simulation.robots)
         if most > orders[0] or all(robot.finished() for robot in simulation.robots):
             orders[0] = most
             poses.append([simulation.world.pose(robot.robot)[:2] for robot in simulation.robots])

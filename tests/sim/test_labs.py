@@ -70,7 +70,7 @@ def test_robots_line_up_in_their_turn_before_they_pass():
     simulation = prepare(LABS / "corridor", seed=7)
     simulation.run()
     for robot in simulation.robots:
-        names = [text.split("(")[0] for _, text in robot.node.action_log]
+        names = [text.split("(")[0] for _, text in robot.node.services.action_log]
         assert names[-1] == "moveto"
         assert set(names[:-1]) == {"lineup"}
 

@@ -7,7 +7,6 @@ from lab_maker import small_lab, traced
 
 from rmr.base.geometry import Point
 from rmr.base.time import seconds
-from rmr.node.crossing.destination import bound_for
 from rmr_sim.run_setup import prepare
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"
@@ -68,8 +67,8 @@ def test_every_copy_of_a_failure_broadcast_names_the_deadline_that_derived_it(tm
         duration="3s",
     )
     node, told = simulation.robots[0].node, []
-    send = node.broadcast_failure
-    node.broadcast_failure = lambda assertion: (told.append(assertion), send(assertion))
+    send = node.services.broadcast_failure
+    node.services.broadcast_failure = lambda assertion: (told.append(assertion), send(assertion))
     simulation.run()
     assert told == [0, 1, 0, 1, 0, 1, None, None, None]
     names = ("broadcast", "first", "second")
@@ -124,7 +123,7 @@ def test_a_robot_that_drives_away_gives_up_its_slot(tmp_path):
         lab="finish: away(R)\n",
     )
     assert simulation.run()
-    assert bound_for(simulation.robots[0].node) is None
+    assert simulation.robots[0].node.crossings.destinations.current() is None
 
 
 def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):
@@ -252,8 +251,8 @@ def test_a_handler_drives_by_the_provided_actions_step_by_step(tmp_path):
     (peek, fetch) = traced(simulation, "action_ended")
     assert peek["failure"] == 'robot.moveto drives: declare the handler with @action("peek", wheels=True)'
     assert fetch["failure"] is None
-    assert node.percept().pose.x == pytest.approx(0.3, abs=0.05)
-    assert bound_for(node) is None, "it has given up the place in the box"
+    assert node.services.percept().pose.x == pytest.approx(0.3, abs=0.05)
+    assert node.crossings.destinations.current() is None, "it has given up the place in the box"
 
 
 def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_the_place(tmp_path):
@@ -273,7 +272,7 @@ def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_
     def look(_now):
         driving = node.actions.driving
         if driving is not None and driving.name == "face":
-            claims.add(bound_for(node))
+            claims.add(node.crossings.destinations.current())
 
     simulation.checkers.append(look)
     simulation.run()

@@ -8,8 +8,8 @@ from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
 from rmr.base.time import seconds
+from rmr.node.payloads import Hello, encode_ack, encode_hello
 from rmr.node.ports import Confirmed, Received
-from rmr.node.wire import Hello, encode_ack, encode_hello
 from rmr_sim.run_setup import prepare
 from rmr_world.lab_program import ProgramError
 
@@ -308,7 +308,7 @@ def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_dead
         duration="60s",
     )
     assert simulation.run()
-    starts = {robot.robot: robot.node.action_log[0][0] for robot in simulation.robots}
+    starts = {robot.robot: robot.node.services.action_log[0][0] for robot in simulation.robots}
     order = sorted(starts, key=starts.get)
     assert order[0] == 2
     if takes_s < 1.0:  # as long as a turn of unknown length is expected to last; one that overruns delays the next
@@ -375,7 +375,7 @@ def test_ranges_come_from_signal_strength_by_the_law_that_the_radio_follows(tmp_
 
 def test_a_robot_that_runs_another_program_is_noticed(tmp_path):
     simulation = small_lab(tmp_path, "idle(R).\ntype action goto(robot, float, float).\n", robots=3, duration="3s")
-    simulation.robots[1].node.talk.digest ^= 1
+    simulation.robots[1].node.state.digest ^= 1
     simulation.run()
     noticed = {(entry["robot"], entry["source"]) for entry in traced(simulation, "other_program")}
     assert noticed == {(1, 2), (2, 1), (2, 3), (3, 2)}
@@ -439,7 +439,7 @@ def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_cal
     simulation = small_lab(tmp_path, "type action goto(robot, float, float).", robots=2, duration="2s")
     simulation.run()
     node, now = simulation.robots[0].node, simulation.now
-    hello = Hello(0.7, 0.2, 0.0, 0.0, parked=True, rank=0, goal=None, digest=node.talk.digest)
+    hello = Hello(0.7, 0.2, 0.0, 0.0, parked=True, rank=0, goal=None, digest=node.state.digest)
 
     def heard(payload: bytes, source: int = 2) -> bool:
         return node.overhear(now, Received(payload, source, False, -50.0, 255, now))

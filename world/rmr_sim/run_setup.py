@@ -13,7 +13,7 @@ from typing import Any
 
 from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
@@ -47,6 +47,8 @@ class Options:
     """The waiting time n of leaders, instead of the one that they compute."""
     duration: Duration | None = None
     """Lab time at which a run ends at the latest, instead of the lab's."""
+    without: frozenset[str] = frozenset()
+    """Rules of motion that robots leave out, by name: for ablation experiments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class LoadedLab:
     key: bytes | None = field(repr=False)
     """The key of the radio, if that is secured."""
 
-    def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
+    def simulation(self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
         lab = self.lab
         program = self.program
@@ -71,7 +73,10 @@ class LoadedLab:
             lab = with_chaos(lab, seed)
         timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh)
+        without = self.options.without
+        simulation = Simulation(
+            lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh, without
+        )
         attach_checkers(simulation)
         for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)
@@ -97,7 +102,7 @@ def prepare(
     path: Path,
     *,
     seed: int | None = None,
-    trace: Level = Level.NOTES,
+    trace: TraceLevel = TraceLevel.NOTES,
     events: Iterable[Event] = (),
     warn: Callable[[str], None] = lambda _: None,
     **options: Any,

@@ -21,7 +21,7 @@ from rmr.coord.timing import Order
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
@@ -104,7 +104,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
     """One run."""
-    simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
+    simulation = loaded.simulation(arguments.seed, TraceLevel.NOTES if arguments.trace is None else TraceLevel.FACTS)
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):

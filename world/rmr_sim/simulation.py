@@ -19,7 +19,7 @@ from rmr.coord.timing import Timing
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event, EventError, call_observer, checked, instant
@@ -49,15 +49,16 @@ class Simulation(RobotHost):
         digest: int,
         seed: int,
         handlers: Mapping[str, Handler] | None = None,
-        trace: Level = Level.NOTES,
+        trace: TraceLevel = TraceLevel.NOTES,
         key: bytes | None = None,
         timing: Timing | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
+        without: frozenset[str] = frozenset(),
     ) -> None:
         """`key` is the lab's, where its radio is secured; `timing` is that of coordination, where it is another one.
 
-        `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
-        one robot's, as in a process; without it all share `handlers`.
+        `fresh` returns handlers of their own for each life of each robot, as processes have; without it all share
+        `handlers`. `without` names rules of motion to leave out.
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
@@ -81,7 +82,7 @@ class Simulation(RobotHost):
         """Events since the last tick."""
         self._fresh = fresh
         self._bodily = needs_bodies(lab, program, handlers or {})
-        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing()))
+        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing(), without))
         self._served: list[SimulatedRobot] = []
         """Robots that are served normally."""
         self._waiting: list[SimulatedRobot] = []
@@ -108,7 +109,7 @@ class Simulation(RobotHost):
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
-    def _config(self, trace: Level, timing: Timing) -> NodeConfig:
+    def _config(self, trace: TraceLevel, timing: Timing, without: frozenset[str]) -> NodeConfig:
         """Return the configuration of the first robot, from which those of the others are made."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)
@@ -124,7 +125,13 @@ class Simulation(RobotHost):
             trace=trace,
             timing=timing,
             witness=self.tell,
+            without=without,
         )
+
+    @property
+    def firings(self) -> dict[str, int]:
+        """Number of firings of each rule of motion, over all robots."""
+        return self.robots[0].node.config.firings
 
     def run(self) -> bool:
         """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.

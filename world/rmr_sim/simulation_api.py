@@ -18,7 +18,7 @@ import numpy.typing as npt
 from rmr.base.errors import UsageError, require
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
 from rmr.coord.timing import Order
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.event import Event
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_sim.simulation import Simulation
@@ -113,7 +113,7 @@ def simulate(
     sampled = _checked_rate(rate)
     try:
         loaded = load(path, wanted)
-        simulation = loaded.simulation(_whole("seed", seed, 0), Level.FACTS)
+        simulation = loaded.simulation(_whole("seed", seed, 0), TraceLevel.FACTS)
     except OSError as error:
         raise UsageError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
     for event in own_events:

@@ -5,64 +5,62 @@ Like `rmr.node.actions.handle` this module is never compiled.
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
 from rmr.bytecode.provided import ACTIONS
-from rmr.node.actions.dispatcher import Handler, Running
+from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
-from rmr.node.crossing.turn import Turn
-from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
-from rmr.node.motion.straight import RAMP, Straight
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.motion.obstruction import robots_near, solid_between, what_bars
+from rmr.node.motion.straight_drive import RAMP, Straight
+from rmr.node.parts import ActionHost
 
 FAILURE_REPEATS: Final = 3
-"""A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
+"""Copies of a failure broadcast, which is not acknowledged: at 20 % loss one of three arrives in 99 of 100 cases."""
 STUCK_S: Final = 20.0
-"""A drive that has had no way, or a robot that has not known its place, for so long fails."""
+"""Time without a way, or without a known position, after which a drive fails."""
 NEAR_M: Final = 1.0
-"""A robot this near to its goal no longer hopes that whoever stands there will have left when it comes."""
+"""Distance to the goal from which a robot that stands on it counts as blocking it."""
 OVERDUE_S: Final = 5.0
-"""A straight drive that is so late fails: it does not drive around what is in its way."""
+"""Lateness at which a straight drive fails: it does not drive around what is in its way."""
 LAST_S: Final = 1e9
-"""No lab runs for so long; what lies beyond is this, so that every number of the program is an instant."""
+"""Largest instant of a program, seconds; larger numbers are cut to it. No lab runs for so long."""
 CLOSE_M: Final = 0.01
-"""So much nearer to an obstacle than its radius a robot may seem to stand: localisation is no better."""
+"""Tolerance of the distance to an obstacle: a robot beside one may seem to stand this far inside it."""
 
 
 class NodeHandle(RobotHandle):
     """What rmr's own actions may do beyond a user's."""
 
-    __slots__ = ()
+    __slots__ = ("_action",)
 
-    def __init__(self, node: "Node", running: Running) -> None:
-        super().__init__(lambda: node.now, node, running)
+    def __init__(self, node: ActionHost, action: RunningAction) -> None:
+        super().__init__(lambda: node.now, node, action)
+        self._action = action
 
     @property
-    def node(self) -> "Node":
-        """The robot's node."""
-        node: Node = self._node
+    def node(self) -> ActionHost:
+        """The robot."""
+        node: ActionHost = self._node
         return node
 
     def needless(self) -> bool:
-        """Return whether the robot has no reason to line up: it has had a turn since, let one pass, or is beyond."""
-        turns = self.node.turns
-        return turns.hindered or turns.beyond or turns.entered_since(self._running.derived)
+        """Return whether the robot has no reason to line up: it has had a turn since, wasted a slot, or is beyond."""
+        crossings = self.node.crossings
+        return crossings.slot_wasted or crossings.beyond or crossings.entered_since(self._action.derived)
 
     @property
-    def turn(self) -> Turn | None:
-        """The turn that the action serves."""
-        return self._running.turn if isinstance(self._running.turn, Turn) else None
+    def permit(self) -> Permit | None:
+        """The crossing by which the action goes."""
+        return self._action.permit
 
     @property
     def missed(self) -> int | None:
         """The assertion whose missed deadline derived the action."""
-        return self._running.missed
+        return self._action.missed
 
 
 async def _drive(
@@ -80,11 +78,11 @@ async def _drive(
     longer by as much for each other robot, for those that go first may be in its way until then.
     """
     node = robot.node
-    turn = robot.turn if gated else None
+    permit = robot.permit if gated else None
     await _located(robot)
-    node.depart(goal, final_heading=final_heading, turn=turn)
+    node.depart(goal, final_heading=final_heading, permit=permit)
     try:
-        await _under_way(robot, goal, turn, taken, idle)
+        await _under_way(robot, goal, permit, taken, idle)
     finally:  # a handler of which this is one step may go on
         node.halt()
 
@@ -92,12 +90,13 @@ async def _drive(
 async def _under_way(
     robot: NodeHandle,
     goal: Point,
-    turn: Turn | None,
+    permit: Permit | None,
     taken: Callable[[], bool] | None,
     idle: Callable[[], bool] | None,
 ) -> None:
     """Wait for the end of a drive to `goal` that has begun. Raises ActionFailed as `_drive` does."""
-    node, navigator = robot.node, robot.node.motion
+    node = robot.node
+    navigator = robot.node.motion
     blocked_since: Instant | None = None
 
     def is_taken() -> bool:
@@ -113,7 +112,7 @@ async def _under_way(
     while navigator.status != "arrived" and not is_idle():
         if navigator.status == "blocked" or is_taken():
             blocked_since = blocked_since or node.now
-            robots = len(node.config.roster) if turn is not None and turn.waits else 1
+            robots = len(node.config.roster) if permit is not None and permit.waits else 1
             if node.now - blocked_since > seconds(STUCK_S) * robots:
                 raise ActionFailed(_no_way(node, goal))
         else:
@@ -121,7 +120,7 @@ async def _under_way(
         await looks
 
 
-def _no_way(node: "Node", goal: Point) -> str:
+def _no_way(node: ActionHost, goal: Point) -> str:
     """Return why a drive to `goal` has failed, with who or what is in the way."""
     pose = node.percept().pose
     bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))
@@ -143,7 +142,7 @@ async def moveto(robot: NodeHandle, area_name: str) -> None:
     if area is None:
         raise ActionFailed(f"no area is called {area_name}")
     await _located(robot)  # a place is taken only by a robot with a pose: what others say may send it to another one
-    await _drive(robot, robot.node.take_place(area, robot.turn), gated=True)
+    await _drive(robot, robot.node.take_place(area, robot.permit), gated=True)
 
 
 async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
@@ -178,7 +177,8 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
 
     Places of areas are shared out; a point is not, so another robot may stand there for good. Who is near gives up.
     """
-    node, goal = robot.node, Point(x, y)
+    node = robot.node
+    goal = Point(x, y)
 
     def taken() -> bool:
         if not 0.0 < node.motion.remaining_m < NEAR_M:
@@ -192,13 +192,18 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
 async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:
     """Drive straight to a point of the floor, metres, leaving and arriving at instants of lab time, seconds.
 
-    It turns before it leaves. Several robots that do so keep apart on certain conditions (`rmr.node.motion.straight`).
+    It turns before it leaves. Several robots that do so keep apart on certain conditions
+    (`rmr.node.motion.straight_drive`).
     """
     node = robot.node
     await _located(robot)
-    pose, started = node.percept().pose, node.now
+    pose = node.percept().pose
+    started = node.now
     assert pose is not None
-    start, goal, begins, ends = Point(pose.x, pose.y), Point(x, y), _instant(begins_s), _instant(ends_s)
+    start = Point(pose.x, pose.y)
+    goal = Point(x, y)
+    begins = _instant(begins_s)
+    ends = _instant(ends_s)
     if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
         raise ActionFailed(f"{solid_between(node.arena, start, goal) or 'an obstacle'} is in the straight way there")
     drive = Straight(start, goal, begins, ends, node.arena.shape)

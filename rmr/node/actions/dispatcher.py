@@ -5,7 +5,7 @@ own. They are not asyncio coroutines: each `await` hands a `Pause` to the dispat
 the first call at which the pause is over, so that actions run in virtual time as they do in a process.
 
 Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
-wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing.turns`), and
+wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing`), and
 does not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
@@ -22,10 +22,10 @@ from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
 
-__all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "Running", "action"]
+__all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "RunningAction", "action"]
 
 RUNNING_MAX: Final = 1024
-"""Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
+"""Actions under way or waiting at one robot, as many as the machine awaits; a program that derives more is broken."""
 
 
 STOPPED: Final = "stopped"
@@ -33,7 +33,7 @@ STOPPED: Final = "stopped"
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
 FAILURE_CHARACTERS_MAX: Final = 500
-"""Of the reason why an action failed, which a user's own handler may have written: the rest is cut off."""
+"""Length of an action's reason of failure, which a user's handler may have written; the rest is cut off."""
 NO_LOOP: Final = "no running event loop"
 """What asyncio says where there is no loop, as in the simulator."""
 
@@ -104,22 +104,32 @@ def registered() -> dict[str, Handler]:
     return dict(_registered)
 
 
-class Turn(Protocol):
-    """What an action needs to know of the turn that it waits for."""
+class Permit(Protocol):
+    """What an action that serves a job waits for: the job's crossing of a shared resource."""
+
+    rank: int
+    """The robot's place in the schedule, from 1; 0 without one."""
+    place: int
+    """Its place among those that go the same direction."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether the robot may not enter the resource yet."""
 
     def released(self, now: Instant) -> bool:
         """Return whether the action may begin."""
 
 
 @dataclass(slots=True, eq=False)
-class Running:
+class RunningAction:
     """One derived action, waiting or under way."""
 
     serial: int
     name: str
     args: tuple[Value, ...]
     handler: Handler
-    turn: Any = None
+    permit: Permit | None = None
+    """None: it serves no job and need not wait."""
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
@@ -133,6 +143,15 @@ class Running:
     raised: tuple[str, ...] = ()
     """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
 
+    def held(self, now: Instant) -> bool:
+        """Return whether the action has to wait for its permit."""
+        return self.permit is not None and not self.permit.released(now)
+
+    @property
+    def uses_wheels(self) -> bool:
+        """Whether it drives."""
+        return self.handler.wheels
+
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""
         return format_fact(self.name, (Robot(robot), *self.args))
@@ -141,10 +160,10 @@ class Running:
 class Host(Protocol):
     """What the dispatcher asks of its node."""
 
-    def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
+    def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Handle the end of an action; `failure` is the reason, None when it completed."""
 
-    def handle(self, running: Running) -> Any:
+    def handle(self, running: RunningAction) -> Any:
         """Return the handle that the action's coroutine gets."""
 
     def halt(self) -> None:
@@ -156,11 +175,11 @@ class Dispatcher:
 
     def __init__(self, host: Host) -> None:
         self._host = host
-        self.held: list[Running] = []
+        self.held: list[RunningAction] = []
         """Waiting for their turn."""
-        self.queue: deque[Running] = deque()
+        self.queue: deque[RunningAction] = deque()
         """Waiting for the wheels."""
-        self.running: list[Running] = []
+        self.running: list[RunningAction] = []
         self.refused = 0
 
     @property
@@ -170,7 +189,7 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return bool(self.held) and any(running.turn.released(now) for running in self.held)
+        return bool(self.held) and any(not running.held(now) for running in self.held)
 
     @property
     def polling(self) -> bool:
@@ -178,7 +197,7 @@ class Dispatcher:
         return len([running for running in self.running if running.pause.condition is not None]) > 0
 
     @property
-    def driving(self) -> Running | None:
+    def driving(self) -> RunningAction | None:
         """The action that has the wheels."""
         for running in self.running:
             if running.handler.wheels:
@@ -194,17 +213,17 @@ class Dispatcher:
             wake = until if until < wake else wake
         return wake
 
-    def derive(self, now: Instant, running: Running) -> None:
+    def derive(self, now: Instant, running: RunningAction) -> None:
         """Take on an action: hold it, queue it, or start it."""
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
             self.refused += 1
             self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
-        elif running.turn is not None and not running.turn.released(now):
+        elif running.held(now):
             self.held.append(running)
         else:
             self._admit(now, running)
 
-    def _admit(self, now: Instant, running: Running) -> None:
+    def _admit(self, now: Instant, running: RunningAction) -> None:
         if running.handler.at_once:
             self._interrupt(now)
         elif running.handler.wheels and (self.queue or self.driving):
@@ -212,6 +231,7 @@ class Dispatcher:
             if not (running.handler.takes_over and driving is not None and driving.name == running.name):
                 self.queue.append(running)
                 return
+            # The later `lineup` knows the newer place in the queue: the earlier one would lead to the wrong place.
             self._end(now, driving, TAKEN_OVER)
         self._start(now, running)
 
@@ -221,7 +241,7 @@ class Dispatcher:
             self._end(now, driving, STOPPED)
         self._host.halt()
 
-    def _start(self, now: Instant, running: Running) -> None:
+    def _start(self, now: Instant, running: RunningAction) -> None:
         running.started = now
         handle = self._host.handle(running)
         self.running.append(running)
@@ -237,7 +257,7 @@ class Dispatcher:
             return
         self._resume(now, running)
 
-    def _resume(self, now: Instant, running: Running) -> None:
+    def _resume(self, now: Instant, running: RunningAction) -> None:
         """Go on with an action whose pause is over.
 
         Whatever a handler raises, its conditions and its way out too, fails the action and not the robot.
@@ -268,7 +288,7 @@ class Dispatcher:
             else:
                 self._end(now, running, NOT_ASYNCIO.format(_kind_of(pause)))
 
-    def _fail(self, now: Instant, running: Running, error: BaseException) -> None:
+    def _fail(self, now: Instant, running: RunningAction, error: BaseException) -> None:
         """End an action by what its handler has raised; all but ActionFailed is a mistake, told with its place."""
         if isinstance(error, ActionFailed):
             self._end(now, running, str(error) or "failed")
@@ -281,7 +301,7 @@ class Dispatcher:
         where = place_in(error, file)
         self._end(now, running, f"{words(error)} ({where})" if where else words(error))
 
-    def _end(self, now: Instant, running: Running, failure: str | None) -> None:
+    def _end(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         self.running.remove(running)
         running.over = True
         coroutine, running.coroutine = running.coroutine, None
@@ -296,11 +316,12 @@ class Dispatcher:
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
         if self.queue:
-            for running in [one for one in self.queue if one.turn is not None and not one.turn.released(now)]:
+            # A slot may have moved away since: such an action must not keep the wheels from others.
+            for running in [one for one in self.queue if one.held(now)]:
                 self.queue.remove(running)
                 self.held.append(running)
         if self.held:
-            for running in [held for held in self.held if held.turn.released(now)]:
+            for running in [one for one in self.held if not one.held(now)]:
                 self.held.remove(running)
                 self._admit(now, running)
         self.resume(now)

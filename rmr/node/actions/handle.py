@@ -10,13 +10,12 @@ A handle belongs to one action and is gone with it. What a robot shall remember 
 
 import math
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Value
 
 if TYPE_CHECKING:
-    from rmr.node.actions.dispatcher import Running
     from rmr.node.peers.perception import Percept
 
 SLEEP_MIN = NS_PER_MS
@@ -46,12 +45,24 @@ class Pause:
         return now >= self.until or (self.condition is not None and self.condition())
 
 
+class HandledAction(Protocol):
+    """The action to which a handle belongs."""
+
+    @property
+    def name(self) -> str:
+        """Its predicate's name."""
+
+    @property
+    def uses_wheels(self) -> bool:
+        """Whether it drives."""
+
+
 class RobotHandle:
     """What an action may do with its robot."""
 
     __slots__ = ("_node", "_now", "_running")
 
-    def __init__(self, now: Callable[[], Instant], node: Any, running: "Running") -> None:
+    def __init__(self, now: Callable[[], Instant], node: Any, running: HandledAction) -> None:
         self._now = now
         self._node = node
         self._running = running
@@ -117,8 +128,9 @@ class RobotHandle:
 
     async def _perform(self, name: str, *args: Value) -> None:
         """Carry out a provided action as a part of this one, without its effects."""
-        provided, own = self._node.provided(name), self._running
-        if provided.wheels and not own.handler.wheels:
+        provided = self._node.provided(name)
+        own = self._running
+        if provided.wheels and not own.uses_wheels:
             raise ActionFailed(f'robot.{name} drives: declare the handler with @action("{own.name}", wheels=True)')
         await provided.run(self, *args)
 

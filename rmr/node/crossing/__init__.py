@@ -1,1 +1,1 @@
-"""A robot's passage of a shared resource: request, slot, entry, exit, and the link to the coordination core."""
+"""A robot's use of shared resources: one state machine per crossing, its late policies, and what surrounds it."""

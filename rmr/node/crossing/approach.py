@@ -1,4 +1,4 @@
-"""How long a robot's way to its gate is, asked again and again while the robot does something else.
+"""How long a robot needs to its commit line, asked again and again while the robot does something else.
 
 A plan costs milliseconds, so it is made from the place where the present drive ends (or from where the robot
 stands) and kept until that place changes; the rest of the drive is added as time.
@@ -19,7 +19,7 @@ from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import leader_route
 
 MOVED_M: Final = 0.05
-"""A cell: a robot that has moved less has the same way."""
+"""A cell: a robot that has moved less has the same route."""
 SETTLE: Final[Duration] = milliseconds(600)
 """What turning to the queue's heading and setting out again costs."""
 HEADWAY_MARGIN_M: Final = 0.07
@@ -31,13 +31,13 @@ ORDER_MARGIN: Final[Duration] = milliseconds(350)
 class Approach:
     """Estimates of one robot."""
 
-    def __init__(self, navigator: Navigator, crowded: bool = False) -> None:
+    def __init__(self, navigator: Navigator, finishes_in_order: bool = True) -> None:
         self._navigator = navigator
-        self._crowded = crowded
+        self._finishes_in_order = finishes_in_order
         self._made: tuple[Point, Point, Estimate] | None = None
 
     def estimate(self, pose: Pose, goal: Point) -> Estimate | None:
-        """Return what the way to `goal` will take from now on; None when there is no way."""
+        """Return what the drive to `goal` will take from now on; None when there is no route."""
         navigator = self._navigator
         route = navigator.route
         if route is not None and route.gate_m is not None and self._made is not None:
@@ -61,18 +61,18 @@ class Approach:
             self._made = (start, goal, made)
         return made
 
-    def shared(self, pose: Pose, goal: Point, way: int) -> dict[int, GridPath]:
-        """Return what the robot shares when it leads, by way: of its own way, `way`, from `pose` to `goal`, and of the
-        opposite one from the other mouth to where it comes from."""
+    def shared(self, pose: Pose, goal: Point, direction: int) -> dict[int, GridPath]:
+        """Return the paths that the robot shares when it leads, by direction: in its own one, `direction`, from `pose`
+        to `goal`, and in the opposite one from the other entrance to where it comes from."""
         navigator = self._navigator
-        paths = {way: navigator.plan_shared(pose, goal)}
-        mouths = navigator.arena.mouths
-        if len(mouths) == 2 and way != EXCLUSIVE:
-            paths[1 - way] = navigator.plan_shared(Pose(*mouths[1 - way], 0.0), Point(pose.x, pose.y))
+        paths = {direction: navigator.plan_shared(pose, goal)}
+        entrances = navigator.arena.mouths
+        if len(entrances) == 2 and direction != EXCLUSIVE:
+            paths[1 - direction] = navigator.plan_shared(Pose(*entrances[1 - direction], 0.0), Point(pose.x, pose.y))
         return {each: path for each, path in paths.items() if path is not None}
 
-    def headway(self, area: Area, way: int) -> Duration:
-        """Return the time between two entries into the bottleneck by `way` to `area`.
+    def headway(self, area: Area, direction: int) -> Duration:
+        """Return the time between two entries into the bottleneck in `direction` to `area`.
 
         Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
         one waits so much longer that robots finish in the order in which they enter. Not where others come out of
@@ -80,19 +80,19 @@ class Approach:
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-        keeps_order = area.slotted and len(arena.mouths) < 2 and not self._crowded
-        ways = departures(arena, area.name, way) if keeps_order else ()
-        spread = max((a - b for a, b in pairwise(ways)), default=0.0) / arena.shape.speed
+        keeps_order = area.slotted and len(arena.mouths) < 2 and self._finishes_in_order
+        lengths = departures(arena, area.name, direction) if keeps_order else ()
+        spread = max((a - b for a, b in pairwise(lengths)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
 
 
 @lru_cache(maxsize=16)
-def departures(arena: Arena, area_name: str, way: int) -> tuple[float, ...]:
-    """Return the ways from the mouth of `way` to each place of an area, metres; none where there is no way."""
-    gate, area = arena.mouth(way), arena.area(area_name)
-    if gate is None or area is None:
+def departures(arena: Arena, area_name: str, direction: int) -> tuple[float, ...]:
+    """Return how far each place of an area is from the entrance of `direction`, metres; empty without a route."""
+    entrance, area = arena.mouth(direction), arena.area(area_name)
+    if entrance is None or area is None:
         return ()
-    routes = [leader_route(arena, gate, place, (), through_gate=False) for place in area.places]
+    routes = [leader_route(arena, entrance, place, (), through_gate=False) for place in area.places]
     return tuple(route.length_m for route in routes if route is not None)
 
 

@@ -1,4 +1,4 @@
-"""What the coordination core says and hears: its frames to the radio, in their time, and its events to the turns.
+"""What the coordination core says and hears: its frames to the radio, in their time, and its events to the crossings.
 
 The core dates each frame, so that robots that tick on one grid do not all speak at once; a frame that is not due
 yet waits here.

@@ -1,68 +1,77 @@
-"""Where a robot is bound that is under way while its rank, or what others claim, changes.
+"""Where a robot is going while its rank, or what others claim, changes.
 
-Another place behind the bottleneck's gate is taken, and told to the others, at once. Before the gate the way there is
+Another place behind the entrance is taken, and told to the others, at once. Before the entrance the route there is
 planned when the slot nears, once a second at most: in a crowd one robot that is late changes the ranks of all behind
 it, and a plan costs milliseconds.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
-from rmr.node.crossing.turn import Phase, Turn
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.phases import Inside
+from rmr.node.crossing.surroundings import Surroundings
 
 REPLAN_EVERY: Final[Duration] = seconds(1)
-"""Nothing is lost by a way that leads to another place for so long: a slot stands for longer before it begins, and with
+"""A route that leads to another place costs nothing for so long: a slot stands for longer before it begins, and with
 it the rank."""
-NEARS: Final[Duration] = seconds(3)
-"""Earlier before its slot the robot keeps the way that it has: to the gate it is the same, and ranks change still."""
 
 
-def bound_for(node: "Node") -> Point | None:
-    """Return where the robot is going, or the slot on which it stands."""
-    if node.driver is None:
-        return None
-    running = node.actions.driving
-    if running is None:
-        return node.driver.place
-    turn = running.turn
-    if isinstance(turn, Turn) and turn.bound is not None:
-        return turn.bound
-    return node.driver.navigator.goal or node.driver.place  # an action that has the wheels may stand or turn there
+class Destinations:
+    """Where one robot is going by its crossings."""
 
+    def __init__(self, around: Surroundings) -> None:
+        self._around = around
 
-def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:
-    """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
-    name = Symbol(turn.job.name)
-    others = [args for args in node.senses.of("turn") if args[0] != name]
-    node.senses.replace(now, "turn", [*others, (name, turn.rank)])
-    running = turn.action
-    if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
-        return
-    if node.driver is None or node.driver.place is None:
-        return  # the action has not taken a place yet
-    if turn.goal.slotted and running.handler.to_area:
-        redirect(node, now, node.take_place(turn.goal, turn), turn)
+    def current(self) -> Point | None:
+        """Return where the robot is going, or the slot on which it stands."""
+        wheels, running = self._around.wheels, self._around.robot.driving
+        if wheels is None:
+            return None
+        if running is None:
+            return wheels.place
+        crossing = running.permit
+        if isinstance(crossing, Crossing) and crossing.course.destination is not None:
+            return crossing.course.destination
+        return wheels.navigator.goal or wheels.place  # an action that has the wheels may stand or turn there
 
+    def rank_changed(self, now: Instant, crossing: Crossing) -> None:
+        """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
+        around, name, goal, running = self._around, Symbol(crossing.job.name), crossing.goal, crossing.action
+        others = [args for args in around.facts.of("turn") if args[0] != name]
+        around.facts.replace(now, "turn", [*others, (name, crossing.rank)])
+        if goal is None or running is None or running.started is None or isinstance(crossing.phase, Inside):
+            return
+        if around.wheels is None or around.wheels.place is None:
+            return  # the action has not taken a place yet
+        if goal.slotted and running.handler.to_area:
+            self.redirect(now, around.robot.take_place(goal, crossing), crossing)
 
-def redirect(node: "Node", now: Instant, goal: Point, turn: Turn) -> None:
-    """Go to `goal` instead of the place for which the robot is under way by `turn`."""
-    assert node.driver is not None
-    if goal == bound_for(node) and node.driver.navigator.status == "moving":
-        return
-    turn.bound = goal
-    node.talk.hello_soon(now)
-    keep_course(node, now, turn)
+    def change_place(self, now: Instant, place: Point) -> None:
+        """Have the driving action go to another place: by a crossing the route is planned in time, else at once."""
+        robot = self._around.robot
+        crossing = None if robot.driving is None else robot.driving.permit
+        if isinstance(crossing, Crossing):
+            self.redirect(now, place, crossing)
+        else:
+            robot.depart(place, final_heading=None, permit=None)
 
+    def redirect(self, now: Instant, goal: Point, crossing: Crossing) -> None:
+        """Go to `goal` instead of the place for which the robot is under way by `crossing`."""
+        wheels, robot = self._around.wheels, self._around.robot
+        assert wheels is not None
+        if goal == self.current() and wheels.navigator.status == "moving":
+            return
+        crossing.course.send(goal)
+        robot.announce(now)
+        self.follow(now, crossing)
 
-def keep_course(node: "Node", now: Instant, turn: Turn) -> None:
-    """Plan the way to the place that the robot has taken while under way, once it passes the gate or may plan again."""
-    running = node.actions.driving
-    if turn.bound is None or running is None or running.turn is not turn:
-        turn.bound = None
-    elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= max(turn.planned_at + REPLAN_EVERY, turn.start - NEARS):
-        node.depart(turn.bound, final_heading=None, turn=turn)
+    def follow(self, now: Instant, crossing: Crossing) -> None:
+        """Plan the route to the place that the robot was sent to, once it has entered or may plan again."""
+        running, course = self._around.robot.driving, crossing.course
+        if course.destination is None or running is None or running.permit is not crossing:
+            course.send(None)
+        elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, course.replan_from):
+            self._around.robot.depart(course.destination, final_heading=None, permit=crossing)

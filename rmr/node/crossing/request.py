@@ -1,72 +1,39 @@
-"""What a robot asks for with its turn: the times that its way needs, as it knows them when it asks.
+"""Where the action that serves a job leads: the goal of the job's crossing, as far as the job determines it."""
 
-Through the bottleneck these are the way to the gate's line, the time inside and the drive behind it; an action that is
-no passage of the bottleneck excludes all others for as long as it takes.
-"""
+from collections.abc import Callable, Iterable
 
-from typing import TYPE_CHECKING
-
-from rmr.base.time import Instant
-from rmr.coord.events import JobRequest
-from rmr.coord.timing import EXCLUSIVE
-from rmr.node.crossing.turn import Turn, stands_in_way, stands_within
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.base.arena import Area, Arena
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.program import Anything, Constant, Program, Serving, Slot
+from rmr.vm.job import TimedJob
 
 
-def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
-    """Work out approach, inside and way of `turn`; False while the robot does not know where it is, or has to stand."""
-    driver = node.driver
-    if driver is None:
-        turn.inside = turn.headway = node.config.turn
-        turn.notice = 0
-        return True
-    if turn.goal is None:
-        return True
-    pose = driver.localiser.pose
-    if pose is None:
-        return False
-    found = driver.approach.estimate(pose, turn.goal.places[0])
-    if found is None:
-        return True
-    turn.gated = found.inside > 0
-    if turn.gated:
-        turn.approach, turn.inside, turn.way, turn.after, within = found
-        turn.within = within or stands_within(node.arena, turn.goal, pose)
-        turn.in_way = stands_in_way(node.arena, turn.goal, pose)
-        turn.headway = driver.approach.headway(turn.goal, turn.way)
-        if not turn.requested and not turn.within and _has_to_listen(node, now):
-            turn.revised_at = now
-            return False
-    else:
-        turn.approach, turn.inside, turn.headway = 0, found.approach, found.approach
-        turn.way, turn.after, turn.within = EXCLUSIVE, 0, False
-    return True
+def goal_of(program: Program, arena: Arena, drives_to_area: Callable[[int], bool], job: TimedJob) -> Area | None:
+    """Return the area to which a serving action of `job` drives; None where the action itself has to say it."""
+    for serving in program.assertions[job.assertion].serving:
+        area = area_among(arena, known_arguments(serving, job)) if drives_to_area(serving.action) else None
+        if area is not None:
+            return area
+    return None
 
 
-def _has_to_listen(node: "Node", now: Instant) -> bool:
-    """Return whether the robot stands until it has heard where all others are: few have heard each other sooner."""
-    return node.config.crowded and node.driver is not None and node.driver.listens(now, node.peers)
+def area_among(arena: Arena, values: Iterable[Value]) -> Area | None:
+    """Return the first of `values` that is an area."""
+    areas = (arena.area(value) for value in values if isinstance(value, Symbol))
+    return next((area for area in areas if area is not None), None)
 
 
-def finds_itself_within(node: "Node", turn: Turn, slack_m: float = 0.0) -> bool:
-    """Return whether the robot stands in the bottleneck, or within `slack_m` of that, as far as it knows."""
-    pose = None if node.driver is None else node.driver.localiser.pose
-    return pose is not None and turn.goal is not None and stands_within(node.arena, turn.goal, pose, slack_m)
-
-
-def request_of(turn: Turn) -> JobRequest:
-    """Return what the leader is told."""
-    return JobRequest(
-        group_id=turn.event,
-        trigger=turn.trigger,
-        release=turn.release,
-        duration=turn.inside,
-        deadline=turn.deadline,
-        headway=turn.headway,
-        direction=turn.way,
-        inside=turn.within,
-        underway=turn.underway,
-        postpones=turn.gated,
-    )
+def known_arguments(serving: Serving, job: TimedJob) -> list[Value]:
+    """Return the arguments of a serving action that the job determines."""
+    known: list[Value] = []
+    for pattern in serving.args:
+        match pattern:
+            case Constant(value=value):
+                known.append(value)
+            case Slot(index=index):
+                bound = job.bindings[index]
+                if bound is not None:
+                    known.append(bound)
+            case Anything():
+                pass
+    return known

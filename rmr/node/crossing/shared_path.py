@@ -1,58 +1,74 @@
-"""What a robot leads: the way that it shares with those that follow it, and the facts that say so (paper IV.C, IV.D.1).
+"""The route that a leader shares with its followers, and the facts that tell who leads (paper IV.C, IV.D.1).
 
-A new leader plans its way and offers the part that all need; whoever hears of it keeps it by event and way. The program
-is told of which assertions the robot leads an event: it may lead one event of an assertion and follow in another.
+A new leader plans its route and offers the part that all need; robots that hear of it keep it by group and direction.
+The program is told of which assertions the robot leads a group: it may lead one group of an assertion and follow in
+another.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Final, TypeVar
 
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
-from rmr.node.crossing.turn import Turn, keep
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.surroundings import Surroundings
 
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+GROUPS_KEPT: Final = 32
+"""Groups of which crossings that are over, schedules and paths are kept; the oldest go first."""
+
+K = TypeVar("K")
+V = TypeVar("V")
 
 
-class Leading:
-    """The events that one robot leads, and the ways that leaders share."""
+def keep(table: dict[K, V], key: K, value: V) -> None:
+    """Put the newest value last in `table`, of which the `GROUPS_KEPT` newest stay."""
+    table.pop(key, None)
+    table[key] = value
+    while len(table) > GROUPS_KEPT:
+        del table[next(iter(table))]
 
-    def __init__(self, node: "Node", coordination: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
-        """`name_of` returns the name of the assertion behind an event."""
-        self._node = node
-        self._coordination = coordination
+
+class SharedPaths:
+    """The groups that one robot leads, and the paths that leaders share."""
+
+    def __init__(self, around: Surroundings, core: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
+        """`name_of` returns the name of the assertion behind a group."""
+        self._around = around
+        self._core = core
         self._name_of = name_of
         self._led: dict[bytes, None] = {}
-        self._shared: dict[tuple[bytes, int], GridPath] = {}
+        self._paths: dict[tuple[bytes, int], GridPath] = {}
 
-    def shared(self, event: bytes, way: int) -> GridPath | None:
-        """Return the part of the leader's path that all need who go that way."""
-        return self._shared.get((event, way))
+    def path(self, group_id: bytes, direction: int) -> GridPath | None:
+        """Return the part of the leader's path that all need who go in that direction."""
+        return self._paths.get((group_id, direction))
 
-    def heard(self, event: bytes, way: int, path: GridPath) -> None:
-        """Keep what the leader of `event` shares."""
-        keep(self._shared, (event, way), path)
+    def received(self, group_id: bytes, direction: int, path: GridPath) -> None:
+        """Keep what the leader of a group shares."""
+        keep(self._paths, (group_id, direction), path)
 
-    def leads(self, now: Instant, event: bytes, *, does: bool) -> None:
-        """Take note whether the robot leads `event`, and state whether it leads any of the same assertion."""
+    def leads(self, now: Instant, group_id: bytes, *, does: bool) -> None:
+        """Note whether the robot leads a group, and state whether it leads any of the same assertion."""
         if does:
-            keep(self._led, event, None)
+            keep(self._led, group_id, None)
         else:
-            self._led.pop(event, None)
-        name = self._name_of(event)
-        if name is not None:
-            self._node.leads(now, name, any(self._name_of(led) == name for led in self._led))
-
-    def share(self, now: Instant, turn: Turn) -> None:
-        """Plan the robot's way by `turn`, whose event it leads, and offer the part that all need."""
-        driver = self._node.driver
-        pose = None if driver is None else driver.localiser.pose
-        if turn.goal is None or driver is None or pose is None:
+            self._led.pop(group_id, None)
+        name = self._name_of(group_id)
+        if name is None:
             return
-        place = driver.place_of(now, turn.goal, turn.rank, turn.place, self._node.peers)
-        for way, path in driver.approach.shared(pose, place, turn.way).items():
-            keep(self._shared, (turn.event, way), path)
-            self._coordination.offer_path(now, turn.event, way, path)
+        if any(self._name_of(led) == name for led in self._led):
+            self._around.facts.add(now, "leads", (name,))
+        else:
+            self._around.facts.drop(now, "leads", (name,))
+
+    def offer(self, now: Instant, crossing: Crossing) -> None:
+        """Plan the robot's route by `crossing`, whose group it leads, and offer the part that all need."""
+        wheels, pose, goal = self._around.wheels, self._around.pose, crossing.goal
+        if goal is None or wheels is None or pose is None:
+            return
+        place = wheels.place_of(now, goal, crossing.rank, crossing.place, self._around.peers)
+        for direction, path in wheels.approach.shared(pose, place, crossing.plan.direction).items():
+            self.received(crossing.group_id, direction, path)
+            self._core.offer_path(now, crossing.group_id, direction, path)

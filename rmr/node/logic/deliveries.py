@@ -7,31 +7,29 @@ and fails the step that waits for it: nothing vanishes, and no chain waits for w
 """
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
 from rmr.bytecode.program import Kind
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.logic.exchange import Exchange, News, Outcome
-from rmr.node.logic.symbols import symbols_of
-from rmr.node.trace import Level, fact_text
-from rmr.node.wire import Delivery, Role, WireError
+from rmr.node.logic.symbol_numbers import symbols_of
+from rmr.node.payloads import Delivery, DeliveryRole, WireError
+from rmr.node.robot_state import RobotState
+from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
 
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
 did not get it, `what` is the predicate's name; the last argument may be left out."""
 NO_SUCH_ROBOT: Final = "no such robot"
 _SERIAL_BITS: Final = 56
-"""An action's number on the wire is its serial, and above these bits the sender's start count: a report that was meant
-for an earlier life of the robot must not end an action of this one."""
-ABOUT_JOBS: Final = frozenset({Role.FINISH_AWAITED, Role.FINISH_SEEN})
+"""Bits of an action's number on the wire that hold its serial. The sender's epoch stands above them, so that a report
+meant for an earlier incarnation of the robot ends no action of this one."""
+ABOUT_JOBS: Final = frozenset({DeliveryRole.FINISH_AWAITED, DeliveryRole.FINISH_SEEN})
 """Roles whose index is an assertion's."""
-ITEMS: Final = frozenset({Role.FACT, Role.GOAL, Role.ACTION})
+ITEMS: Final = frozenset({DeliveryRole.FACT, DeliveryRole.GOAL, DeliveryRole.ACTION})
 """Roles of what a program derives; the others are news of it."""
 
 Origin = tuple[int, int]
@@ -41,11 +39,14 @@ Origin = tuple[int, int]
 class Deliveries:
     """What one robot tells others and is told."""
 
-    def __init__(self, node: "Node", exchange: Exchange) -> None:
-        self._node = node
-        self._exchange = exchange
-        self._symbols = symbols_of(node.program)
-        self._life = (node.config.epoch & 0xFF) << _SERIAL_BITS
+    def __init__(self, state: RobotState, exchange: Exchange) -> None:
+        self._state = state
+        self._robot = state.robot
+        self._program = state.program
+        self._machine = state.machine
+        self.exchange = exchange
+        self._symbols = symbols_of(state.program)
+        self._incarnation = (state.config.epoch & 0xFF) << _SERIAL_BITS
         self.undelivered = 0
         self.first_undelivered: tuple[float, str, str] | None = None
         """When the first one was given up, seconds of lab time, what it was, and why."""
@@ -56,32 +57,32 @@ class Deliveries:
         """Send what the machine has for another robot."""
         match event:
             case FactSent():
-                delivery = Delivery(Role.FACT, event.predicate, event.args)
+                delivery = Delivery(DeliveryRole.FACT, event.predicate, event.args)
             case GoalSent():
-                delivery = Delivery(Role.GOAL, event.predicate, event.args)
+                delivery = Delivery(DeliveryRole.GOAL, event.predicate, event.args)
             case FinishAwaited():
-                delivery = Delivery(Role.FINISH_AWAITED, event.assertion, event.start_args, event.since)
+                delivery = Delivery(DeliveryRole.FINISH_AWAITED, event.assertion, event.start_args, event.since)
             case FinishSeen():
-                delivery = Delivery(Role.FINISH_SEEN, event.assertion, event.args, event.at)
+                delivery = Delivery(DeliveryRole.FINISH_SEEN, event.assertion, event.args, event.at)
         self._send(now, int(event.destination), delivery)
 
     def send_action(self, now: Instant, event: ActionDerived) -> None:
         """Send an action to its executor, with its number if a chain waits for its end."""
-        number = self._life | event.serial if event.serial else 0
-        self._send(now, int(event.executor), Delivery(Role.ACTION, event.predicate, event.args, number))
+        number = self._incarnation | event.serial if event.serial else 0
+        self._send(now, int(event.executor), Delivery(DeliveryRole.ACTION, event.predicate, event.args, number))
 
     def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
         """Tell the robot that derived an action how it ended."""
         robot, number = origin
-        self._send(now, robot, Delivery(Role.COMPLETED if ok else Role.FAILED, predicate, (), number))
+        self._send(now, robot, Delivery(DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED, predicate, (), number))
 
     def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
-        if destination not in self._node.config.roster:
+        if destination not in self._state.config.roster:
             self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
             return
         try:
-            body = wire.encode_delivery(delivery, self._symbols.numbers)
-            self._exchange.send(now, destination, delivery, body)
+            body = payloads.encode_delivery(delivery, self._symbols.numbers)
+            self.exchange.send(now, destination, delivery, body)
         except WireError as error:
             self._give_up(now, destination, delivery, str(error))
             return
@@ -89,12 +90,12 @@ class Deliveries:
 
     # -- what became of it ------------------------------------------------------------------------------------
 
-    def look(self, now: Instant) -> None:
+    def collect(self, now: Instant) -> None:
         """Take in what became of deliveries."""
-        news = self._exchange.news
+        news = self.exchange.news
         if news:
-            self._exchange.news = []
-            self._node.stir()
+            self.exchange.news = []
+            self._state.mark_dirty()
             for each in news:
                 self._outcome(now, each)
 
@@ -108,30 +109,30 @@ class Deliveries:
         """Note what cannot be delivered, and let nobody wait for it."""
         self.undelivered += 1
         name = self._name(delivery)
-        text = self._text(delivery, self._node.robot, destination)
+        text = self._text(delivery, self._robot, destination)
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
-        self._node.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
+        self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)
-        if delivery.role is Role.ACTION and delivery.number:
-            self._node.machine.complete(now, delivery.number ^ self._life, ok=False)
+        if delivery.role is DeliveryRole.ACTION and delivery.number:
+            self._machine.complete(now, delivery.number ^ self._incarnation, ok=False)
 
     def _tell_program(self, now: Instant, destination: int, name: str) -> None:
         """Insert the fact that something was not delivered, unless the program does not know it."""
-        program = self._node.program
+        program = self._program
         index = program.index(UNDELIVERED)
         if index is None or program.predicates[index].kind is Kind.ACTION:
             return
         args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
         with suppress(ValueError):  # the program means something else by the name
-            self._node.machine.insert(now, index, args)
+            self._machine.insert(now, index, args)
 
     # -- what arrives -----------------------------------------------------------------------------------------
 
     def arrived(self, now: Instant, body: bytes, source: int) -> None:
         """Take up a delivery. Raises WireError for one that no robot of this program sends."""
-        delivery = wire.decode_delivery(body, self._symbols.names)
+        delivery = payloads.decode_delivery(body, self._symbols.names)
         try:
             name = self._name(delivery)
         except IndexError:
@@ -139,56 +140,59 @@ class Deliveries:
         try:
             self._take(now, delivery, source)
         except ValueError as error:
-            if delivery.role is Role.ACTION and delivery.number:
+            if delivery.role is DeliveryRole.ACTION and delivery.number:
                 self.report_end(now, (source, delivery.number), delivery.index, ok=False)
             raise WireError(str(error)) from error
-        node = self._node
-        if node.notes.level is not Level.NOTHING:
-            node.trace(now, "received", source=source, predicate=name, fact=self._text(delivery, source, node.robot))
+        if self._state.notes.level is not TraceLevel.NOTHING:
+            fact = self._text(delivery, source, self._robot)
+            self._state.trace(now, "received", source=source, predicate=name, fact=fact)
 
     def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
-        machine, index, args = self._node.machine, delivery.index, delivery.args
+        machine = self._machine
+        index = delivery.index
+        args = delivery.args
         match delivery.role:
-            case Role.FACT:
+            case DeliveryRole.FACT:
                 machine.insert(now, index, args)
-            case Role.GOAL:
+            case DeliveryRole.GOAL:
                 machine.want(now, index, args)
-            case Role.ACTION:
+            case DeliveryRole.ACTION:
                 machine.derive_action(now, index, args, (source, delivery.number) if delivery.number else None)
-            case Role.COMPLETED | Role.FAILED:
-                completed = delivery.role is Role.COMPLETED
-                machine.complete(now, delivery.number ^ self._life, completed, executor=source)
-            case Role.FINISH_AWAITED:
+            case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
+                completed = delivery.role is DeliveryRole.COMPLETED
+                machine.complete(now, delivery.number ^ self._incarnation, completed, executor=source)
+            case DeliveryRole.FINISH_AWAITED:
                 machine.await_finish(now, source, index, args, delivery.number)
-            case Role.FINISH_SEEN:
+            case DeliveryRole.FINISH_SEEN:
                 machine.finish_seen(now, source, index, args, delivery.number)
 
     # -- words ------------------------------------------------------------------------------------------------
 
     def _name(self, delivery: Delivery) -> str:
         """Return the name of a delivery's predicate or assertion. Raises IndexError."""
-        program = self._node.program
+        program = self._program
         named = program.assertions if delivery.role in ABOUT_JOBS else program.predicates
         return named[delivery.index].name
 
     def _note(self, now: Instant, what: str, destination: int, delivery: Delivery) -> None:
-        node = self._node
-        if node.notes.level is not Level.NOTHING:
-            node.trace(now, what, destination=destination, fact=self._text(delivery, node.robot, destination))
+        if self._state.notes.level is not TraceLevel.NOTHING:
+            self._state.trace(now, what, destination=destination, fact=self._text(delivery, self._robot, destination))
 
     def _text(self, delivery: Delivery, source: int, destination: int) -> str:
         """Return a delivery in program syntax; of news the subject with it."""
-        program, index, args = self._node.program, delivery.index, delivery.args
+        program = self._program
+        index = delivery.index
+        args = delivery.args
         match delivery.role:
-            case Role.FACT | Role.ACTION:
+            case DeliveryRole.FACT | DeliveryRole.ACTION:
                 return fact_text(program, index, destination, args)
-            case Role.GOAL:
+            case DeliveryRole.GOAL:
                 return format_fact(program.predicates[index].name, (Robot(destination), *args), "?")
-            case Role.COMPLETED | Role.FAILED:
+            case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
                 return f"{program.predicates[index].name} {delivery.role.name.lower()}"
-            case Role.FINISH_AWAITED:
+            case DeliveryRole.FINISH_AWAITED:
                 assertion = program.assertions[index]
                 return f"{assertion.name} since {fact_text(program, assertion.start.predicate, source, args)}"
-            case Role.FINISH_SEEN:
+            case DeliveryRole.FINISH_SEEN:
                 assertion = program.assertions[index]
                 return f"{assertion.name} by {fact_text(program, assertion.finish.predicate, source, args)}"

@@ -23,24 +23,24 @@ from random import Random
 from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
-from rmr.node import wire
-from rmr.node.wire import Delivery, WireError
+from rmr.node import payloads
+from rmr.node.payloads import Delivery, WireError
 
 RETRY_FIRST: Final[Duration] = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
 RETRY_MAX: Final[Duration] = seconds(1)
-"""Some 25 tries in a delivery's time: at 50 % loss both ways 1 in 1000 is given up."""
+"""Longest time between two repeats: about 25 in `TIME_TO_LIVE`; at 50 % loss both ways 1 delivery in 1000 fails."""
 TIME_TO_LIVE: Final[Duration] = seconds(30)
-"""After that a delivery is given up and reported. It begins when it is first sent; what still waits is given up when
-the other robot has acknowledged nothing for so long."""
+"""Time after its first transmission at which a delivery is given up and reported. One that still waits is given up when
+the receiver has acknowledged nothing for that long."""
 IN_FLIGHT_MAX: Final = 8
 """Deliveries under way to one robot; more wait in order."""
 WAITING_MAX: Final = 10_000
-"""Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end. All of
-them, and what is in flight, differ in their sequence numbers."""
+"""Deliveries that may wait for one robot; more are refused, so that a program that talks to a dead robot stays bounded.
+They and what is in flight have different sequence numbers."""
 REMEMBERED_MAX: Final = 256
-"""Width of the receiver's window of sequence numbers. A sender starts nothing that is this far ahead of what is under
-way, so that what is under way is in the window."""
+"""Width of the receiver's window of sequence numbers. A sender starts no delivery this far ahead of its oldest one in
+flight, so all that is in flight lies in the window."""
 _WINDOW: Final = (1 << REMEMBERED_MAX) - 1
 SENDERS_MAX: Final = 1024
 PARTIAL_MAX: Final = 32
@@ -130,7 +130,7 @@ class Stage(Enum):
 _STAGES: Final = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
 
 
-class Progress(NamedTuple):
+class DeliveryProgress(NamedTuple):
     """A delivery has come further, for whoever checks a run."""
 
     stage: Stage
@@ -144,7 +144,7 @@ class Progress(NamedTuple):
 class Exchange:
     """Reliable, unordered delivery of facts to other robots over a lossy link."""
 
-    def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = wire.PAYLOAD_OCTETS_MAX) -> None:
+    def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = payloads.PAYLOAD_OCTETS_MAX) -> None:
         self._payload_max = payload_max
         self._digest = digest & 0xFFFF
         self._epoch = epoch & 0xFF
@@ -157,15 +157,11 @@ class Exchange:
         self.news: list[News] = []
         """What became of deliveries since the last look; the owner clears it."""
         self.next_wake: Instant = NEVER
-        self.sent = 0
-        """Deliveries begun."""
         self.delivered = 0
         """Deliveries of others that have arrived here, repeats not counted."""
         self.repeated = 0
         """Deliveries sent again."""
-        self.octets = 0
-        """Payload octets handed to the link, acknowledgements too."""
-        self.tell: Callable[[Progress], None] = lambda _: None
+        self.tell: Callable[[DeliveryProgress], None] = lambda _: None
         self.duplicates = 0
         self.late = 0
         """Frames of a sender's earlier life, dropped."""
@@ -183,16 +179,16 @@ class Exchange:
         if len(peer.waiting) >= WAITING_MAX:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         sequence = peer.next_sequence
-        frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
+        frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
         peer.next_sequence = (sequence + 1) & 0xFFFF
         peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
-        self.tell(Progress(Stage.BEGUN, destination, self._epoch, sequence))
-        self.sent += 1
+        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence))
         self._fill(now, peer)
 
     def _fill(self, now: Instant, peer: _Peer) -> None:
         while peer.waiting and len(peer.in_flight) < IN_FLIGHT_MAX:
             oldest = next(iter(peer.in_flight), peer.waiting[0].sequence)
+            # Keep all in flight inside the receiver's window: it takes what is older than the window for a repeat.
             if (peer.waiting[0].sequence - oldest) & 0xFFFF >= REMEMBERED_MAX:
                 return
             outgoing = peer.waiting.popleft()
@@ -207,15 +203,12 @@ class Exchange:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
         stage = _STAGES.get(outcome)
         if stage is not None:
-            self.tell(Progress(stage, outgoing.destination, self._epoch, outgoing.sequence))
-
-    def _put(self, payload: bytes, destination: int) -> None:
-        self.outbox.append((payload, destination))
-        self.octets += len(payload)
+            self.tell(DeliveryProgress(stage, outgoing.destination, self._epoch, outgoing.sequence))
 
     def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
         for frame in outgoing.frames:
-            self._put(frame, outgoing.destination)
+            self.outbox.append((frame, outgoing.destination))
+        # Random, so that two senders whose frames have collided do not repeat at the same instant.
         outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
         outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
         self.next_wake = min(self.next_wake, outgoing.next_send)
@@ -240,7 +233,7 @@ class Exchange:
 
     def acknowledged(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle an acknowledgement from `source`. Raises WireError."""
-        epoch, sequence = wire.decode_ack(payload)
+        epoch, sequence = payloads.decode_ack(payload)
         peer = self._peers.get(source)
         if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
             return
@@ -252,7 +245,7 @@ class Exchange:
 
     def received(self, payload: bytes, source: int) -> bytes | None:
         """Handle a fact frame; return the body when a delivery is complete and new. Raises WireError."""
-        frame = wire.decode_fact_frame(payload)
+        frame = payloads.decode_fact_frame(payload)
         if frame.digest != self._digest:
             self.foreign += 1
             return None
@@ -261,23 +254,24 @@ class Exchange:
             self.late += 1
             return None
         if self._is_repeat(source, frame):
+            # The first acknowledgement was lost, or crossed the repeat: say it again, or the sender never stops.
             self.duplicates += 1
-            self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
+            self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
             return None
         body = frame.piece if frame.parts == 1 else self._join(source, frame)
         if body is None:
             return None
         self._remember(source, frame)
         self.delivered += 1
-        self.tell(Progress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
-        self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
+        self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
+        self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
         return body
 
-    def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:
+    def _is_repeat(self, source: int, frame: payloads.FactFrame) -> bool:
         seen = self._seen.get(source)
         return seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence)
 
-    def _remember(self, source: int, frame: wire.FactFrame) -> None:
+    def _remember(self, source: int, frame: payloads.FactFrame) -> None:
         seen = self._seen.get(source)
         if seen is None or seen.epoch != frame.epoch:
             seen = self._seen[source] = _Seen(frame.epoch, frame.sequence)
@@ -285,7 +279,7 @@ class Exchange:
         if len(self._seen) > SENDERS_MAX:
             self._seen.popitem(last=False)
 
-    def _join(self, source: int, frame: wire.FactFrame) -> bytes | None:
+    def _join(self, source: int, frame: payloads.FactFrame) -> bytes | None:
         key = (source, frame.epoch, frame.sequence, frame.parts)
         parts = self._partial.setdefault(key, {})
         parts[frame.part] = frame.piece

@@ -1,18 +1,21 @@
 """The runtime system's part of a robot: it runs the machine and sees that whatever the machine reports happens.
 
 Facts, goals and news for other robots go to the deliveries, actions to the dispatcher or to their executors, jobs to
-the turns, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
+the crossings, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
 waits for it, and is reported to the robot that derived it.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions.dispatcher import Running
-from rmr.node.crossing.turn import Turn
-from rmr.node.trace import Level, fact_text, goal_text, rule_text
+from rmr.node.actions.dispatcher import Dispatcher, RunningAction
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.logic.deliveries import Deliveries
+from rmr.node.parts import RunnerHost
+from rmr.node.robot_state import RobotState
+from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.machine_events import (
     ActionDerived,
@@ -34,23 +37,28 @@ from rmr.vm.machine_events import (
 )
 from rmr.vm.store import Args
 
-if TYPE_CHECKING:
-    from rmr.node.node import Node
-
 RESTLESS_CALLS: Final = 60
 """Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 
 
-class Mind:
-    """One robot's reasoning and acting."""
+class MachineRunner:
+    """Runs one robot's machine and carries out what it reports."""
 
-    def __init__(self, node: "Node") -> None:
-        self._node = node
-        self._machine = node.machine
+    def __init__(
+        self, state: RobotState, deliveries: Deliveries, crossings: Crossings, actions: Dispatcher, host: RunnerHost
+    ) -> None:
+        self._state = state
+        self._robot = state.robot
+        self._program = state.program
+        self._machine = state.machine
+        self._deliveries = deliveries
+        self._crossings = crossings
+        self._actions = actions
+        self._host = host
         self._overrun = False
         """The last run used up its budget of firings: the rest waits for the next frame."""
-        self._restless = 0
-        self._told_restless = False
+        self._restless_calls = 0
+        self._restless_noted = False
         self.expression_failures = 0
         """Supposed effects without value."""
         self.achieved = 0
@@ -74,7 +82,7 @@ class Mind:
             missed: int | None = None
             actions: list[tuple[ActionDerived, int | None]] = []
             for event in events:
-                self._node.tell(event)
+                self._state.tell(event)
                 if isinstance(event, RuleFired):
                     self._derive(now, actions)
                 if isinstance(event, ActionDerived):
@@ -97,93 +105,88 @@ class Mind:
 
     def watch_quiescence(self, now: Instant) -> None:
         """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
-        self._restless = self._restless + 1 if self._machine.busy else 0
-        if self._restless == RESTLESS_CALLS and not self._told_restless:
-            self._told_restless = True
-            self._node.trace(now, "restless", firings=self._machine.firings)
+        self._restless_calls = self._restless_calls + 1 if self._machine.busy else 0
+        if self._restless_calls == RESTLESS_CALLS and not self._restless_noted:
+            self._restless_noted = True
+            self._state.trace(now, "restless", firings=self._machine.firings)
 
     # -- what the machine reports -----------------------------------------------------------------------------
 
     def _happened(self, now: Instant, event: VmEvent) -> None:
-        node = self._node
         match event:
             case RuleFired(rule=rule):
-                if not self._restless or node.notes.level >= Level.FIRINGS:
-                    node.trace(now, "fired", rule=rule_text(node.program, rule))
+                if not self._restless_calls or self._state.notes.level >= TraceLevel.FIRINGS:
+                    self._state.trace(now, "fired", rule=rule_text(self._program, rule))
             case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
-                node.talk.deliveries.send(now, event)
+                self._deliveries.send(now, event)
             case JobStarted(job=job):
-                node.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
-                node.turns.started(now, job)
+                self._state.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
+                self._crossings.started(now, job)
             case JobFinished(job=job):
-                node.trace(now, "job_finished", job=job.text)
-                node.turns.finished(now, job)
+                self._state.trace(now, "job_finished", job=job.text)
+                self._crossings.finished(now, job)
             case JobMissed(job=job):
-                node.trace(now, "deadline_missed", job=job.text)
+                self._state.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
                 self.achieved += 1
-                node.trace(now, "achieved", goal=goal_text(node.program, predicate, node.robot, args))
+                self._state.trace(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
             case _:
                 self._noted(now, event)
 
     def _noted(self, now: Instant, event: VmEvent) -> None:
         """Note what concerns nobody but whoever watches the robot."""
-        node = self._node
         match event:
             case FactInserted(predicate=predicate, args=args):
-                node.trace(now, "inserted", fact=fact_text(node.program, predicate, node.robot, args))
+                self._state.trace(now, "inserted", fact=fact_text(self._program, predicate, self._robot, args))
             case FactRemoved(predicate=predicate, args=args):
-                node.trace(now, "removed", fact=fact_text(node.program, predicate, node.robot, args))
+                self._state.trace(now, "removed", fact=fact_text(self._program, predicate, self._robot, args))
             case ExpressionFailed(where=where, reason=reason):
-                node.trace(now, "expression_failed", where=where, reason=reason)
+                self._state.trace(now, "expression_failed", where=where, reason=reason)
             case RuleRepeats(rule=rule, firings=firings):
-                node.trace(now, "repeats", rule=rule_text(node.program, rule), firings=firings)
+                self._state.trace(now, "repeats", rule=rule_text(self._program, rule), firings=firings)
             case BoundReached(what=what, bound=bound):
-                node.trace(now, "bound_reached", kept=what, bound=bound)
+                self._state.trace(now, "bound_reached", kept=what, bound=bound)
 
     def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
-        node = self._node
-        if event.executor != node.robot:
-            node.talk.deliveries.send_action(now, event)
+        if event.executor != self._robot:
+            self._deliveries.send_action(now, event)
             return
-        name = node.program.predicates[event.predicate].name
+        name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
-        handler = node.handler(name)
-        running = Running(event.serial, name, event.args, handler, turn, now, missed, event.origin)
-        if turn is not None:
-            turn.serving.append(running)
-        node.actions.derive(now, running)
+        # Jobs come first due first: of several that it serves, an action goes by the crossing of the most urgent one.
+        permit = self._crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
+        handler = self._host.handler(name)
+        running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
+        self._crossings.action_derived(running)
+        self._actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
 
-    def ended(self, now: Instant, running: Running, failure: str | None) -> None:
+    def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Let an action's end have its effects, and tell those who wait for it."""
-        node = self._node
-        action = node.program.index(running.name)
+        action = self._program.index(running.name)
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
-        node.action_log.end(now, running.text(node.robot), failure)
-        node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
+        self._host.action_log.end(now, running.text(self._robot), failure)
+        self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
-            node.trace(now, "raised", action=running.text(node.robot), traceback=list(running.raised))
-        if isinstance(running.turn, Turn):
-            running.turn.serving.remove(running)
-            node.turns.action_ended(now, running.turn)
-        if node.driver is None:
-            predicate = node.program.predicates[action]
+            self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
+        self._crossings.action_ended(now, running)
+        if self._state.driver is None:
+            predicate = self._program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)
         self._machine.complete(now, running.serial, failure is None)
         if running.origin is not None:
-            node.talk.deliveries.report_end(now, running.origin, action, ok=failure is None)
+            self._deliveries.report_end(now, running.origin, action, ok=failure is None)
 
-    def _handlers_effect(self, now: Instant, running: Running, action: int) -> str | None:
+    def _handlers_effect(self, now: Instant, running: RunningAction, action: int) -> str | None:
         """Insert the effect that the handler names if the program declares none; return why it does not fit.
 
         As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
         """
-        program, name = self._node.program, running.handler.effect
+        program = self._program
+        name = running.handler.effect
         effect = None if name is None else program.index(name)
         if effect is None or program.predicates[action].effects:
             return None
@@ -196,10 +199,10 @@ class Mind:
 
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
         """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
-        env: list[Value] = [Robot(self._node.robot), *args]
+        env: list[Value] = [Robot(self._robot), *args]
         supposed: dict[int, tuple[list[Args], list[Args]]] = {}
         for effect in effects:
-            predicate = self._node.program.predicates[effect.predicate]
+            predicate = self._program.predicates[effect.predicate]
             if predicate.kind is not Kind.SENSED:
                 continue
             try:
@@ -209,7 +212,7 @@ class Mind:
             except (NoValue, ValueError) as reason:
                 self.expression_failures += 1
                 where = f"effect on {predicate.name}"
-                self._node.trace(now, "expression_failed", where=where, reason=str(reason))
+                self._state.trace(now, "expression_failed", where=where, reason=str(reason))
             else:
                 supposed.setdefault(effect.predicate, (before, []))[1].append(values)
         for index, (before, wanted) in supposed.items():

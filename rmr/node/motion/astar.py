@@ -20,11 +20,11 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.grid_path import STEPS, GridPath
 from rmr.node.motion.grid import (
-    MARGIN_M,
+    PATH_MARGIN_M,
     RELAXED_M,
     TIGHT_MARGIN_M,
     Discs,
-    Grid,
+    OccupancyGrid,
     blocked_cells,
     discs_around,
     grid_of,
@@ -61,9 +61,12 @@ def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list
     """
     root2 = math.sqrt(2.0)
     moves = tuple((dr * stride + dc, root2 if dc and dr else 1.0, dc, dr * stride) for dc, dr in STEPS)
-    walls, done = bytes(blocked), [False] * len(blocked)
-    cost, parent = [math.inf] * len(blocked), [0] * len(blocked)
-    cost[start], parent[start] = 0.0, start
+    walls = bytes(blocked)
+    done = [False] * len(blocked)
+    cost = [math.inf] * len(blocked)
+    parent = [0] * len(blocked)
+    cost[start] = 0.0
+    parent[start] = start
     aim = _aim(stride, start, goal)
     queue = [(aim, aim, start)]
     expansions = 0
@@ -91,7 +94,8 @@ def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list
 
 def _aim(stride: int, cell: int, goal: int) -> float:
     """Return the straight way from `cell` to `goal`, in cells."""
-    rows, columns = cell // stride - goal // stride, cell % stride - goal % stride
+    rows = cell // stride - goal // stride
+    columns = cell % stride - goal % stride
     return math.sqrt(rows * rows + columns * columns)
 
 
@@ -103,14 +107,14 @@ def _trace(parent: Sequence[int], goal: int) -> list[int]:
     return cells
 
 
-def grid_path(grid: Grid, cells: Sequence[int]) -> GridPath:
+def grid_path(grid: OccupancyGrid, cells: Sequence[int]) -> GridPath:
     """Return a list of neighbouring cells as first cell and steps."""
     codes = {dr * grid.stride + dc: code for code, (dc, dr) in enumerate(STEPS)}
     return GridPath(grid.cell_at(cells[0]), tuple(codes[b - a] for a, b in pairwise(cells)))
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class FreeSpace:
     """What one plan must keep clear of, and how far."""
 
     arena: Arena
@@ -121,12 +125,16 @@ class Floor:
 
     def sight(self, a: Point, b: Point) -> bool:
         """Return whether a robot can go straight from a to b, with the tight margin near start and goal."""
-        ax, ay, bx, by = a.x, a.y, b.x, b.y
+        ax = a.x
+        ay = a.y
+        bx = b.x
+        by = b.y
         for x, y, keep in self.discs:
             if point_segment_distance(x, y, ax, ay, bx, by) < keep:
                 return False
         radius = self.arena.shape.radius
-        tight, wide = radius + TIGHT_MARGIN_M, radius + self.margin_m
+        tight = radius + TIGHT_MARGIN_M
+        wide = radius + self.margin_m
         length = distance(ax, ay, bx, by)
         head = RELAXED_M if a == self.start else 0.0
         tail = RELAXED_M if b == self.goal else 0.0
@@ -153,7 +161,10 @@ def _between(a: Point, b: Point, way: float) -> Point:
     """Return the point `way` metres from a towards b."""
     if way <= 0.0:
         return a
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
     length = distance(ax, ay, bx, by)
     return a if length <= 0.0 else Point(ax + (bx - ax) * way / length, ay + (by - ay) * way / length)
 
@@ -162,7 +173,7 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
     """Return a way from `start` to `goal` around obstacles and parked robots, or None when there is none."""
     if arena.clearance(*goal) < arena.shape.radius:
         return None  # nobody can stand there
-    for margin in (MARGIN_M, DOOR_MARGIN_M):
+    for margin in (PATH_MARGIN_M, DOOR_MARGIN_M):
         found = _plan(arena, start, goal, parked, margin)
         if found is not None:
             return found
@@ -180,11 +191,11 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     cells, expansions = search(grid.stride, blocked, first, last)
     if cells is None:
         return None
-    floor = Floor(arena, discs, start, goal, margin_m)
+    floor = FreeSpace(arena, discs, start, goal, margin_m)
     points = floor.pull([start, *(grid.centre(index) for index in cells), goal])
     return Plan(tuple(points), grid_path(grid, cells), expansions)
 
 
-def _snap(grid: Grid, blocked: bytearray, point: Point) -> int | None:
+def _snap(grid: OccupancyGrid, blocked: bytearray, point: Point) -> int | None:
     """Return the free cell nearest to `point`."""
     return next((index for index in grid.near(*point, SNAP_M) if not blocked[index]), None)

@@ -66,7 +66,9 @@ class Ekf:
     def __init__(
         self, x: float, y: float, theta: float, *, sigma: float = 0.05, range_sigma: float = RANGE_SIGMA
     ) -> None:
-        self.x, self.y, self.theta = x, y, theta
+        self.x = x
+        self.y = y
+        self.theta = theta
         self.range_sigma = range_sigma
         self.rejected = 0
         self._compass_bad = self._range_bad = 0
@@ -101,12 +103,16 @@ class Ekf:
         way = 0.5 * (left_delta_m + right_delta_m)
         turn = GYRO_SHARE * gyro * dt + (1.0 - GYRO_SHARE) * (right_delta_m - left_delta_m) / TRACK_M
         mid = self.theta + 0.5 * turn
-        cos, sin = math.cos(mid), math.sin(mid)
+        cos = math.cos(mid)
+        sin = math.sin(mid)
         self.x += way * cos
         self.y += way * sin
         self.theta += turn
-        a, b = -way * sin, way * cos
-        ptt, pxt, pyt = self._ptt, self._pxt, self._pyt
+        a = -way * sin
+        b = way * cos
+        ptt = self._ptt
+        pxt = self._pxt
+        pyt = self._pyt
         slip = SLIP * SLIP * abs(way) + WANDER * WANDER * dt
         self._pxx += a * (2.0 * pxt + a * ptt) + slip
         self._pxy += a * pyt + b * pxt + a * b * ptt
@@ -128,7 +134,8 @@ class Ekf:
 
     def range(self, beacon: Point, metres: float) -> bool:
         """Correct by the distance to `beacon`. Returns False when it was an outlier."""
-        dx, dy = self.x - beacon.x, self.y - beacon.y
+        dx = self.x - beacon.x
+        dy = self.y - beacon.y
         away = hypot(dx, dy)
         if away < 1e-6:
             return False
@@ -190,7 +197,8 @@ def _meet(a: Point, ra: float, b: Point, rb: float, arena: Arena) -> Point | Non
         return None
     along = (base * base + ra * ra - rb * rb) / (2.0 * base)
     up = math.sqrt(max(0.0, ra * ra - along * along))
-    ux, uy = (b.x - a.x) / base, (b.y - a.y) / base
+    ux = (b.x - a.x) / base
+    uy = (b.y - a.y) / base
     found = [Point(a.x + along * ux - side * up * uy, a.y + along * uy + side * up * ux) for side in (1.0, -1.0)]
     inside = [p for p in found if 0.0 <= p.x <= arena.width and 0.0 <= p.y <= arena.height]
     return max(inside, key=lambda p: arena.clearance(p.x, p.y), default=None)

@@ -1,4 +1,4 @@
-"""What a drive would take: the times that a robot asks for a turn with."""
+"""How long a drive would take: the times of a request for a slot."""
 
 from typing import Final, NamedTuple
 
@@ -10,22 +10,22 @@ from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import Route
 
 PIVOT_S: Final = 0.1
-"""What speeding up to turn in place costs against the full rate ..."""
+"""Time that speeding up to turn in place costs against the full turn rate, seconds, from an angle of PIVOT_WAY on."""
 PIVOT_WAY: Final = 0.3
-"""... from this angle on, radians; for smaller ones in proportion."""
+"""Angle from which a turn in place reaches its full rate, radians; smaller ones cost in proportion."""
 LATE_S: Final = 0.07
-"""A robot may be so much later at the line than its slot begins: it enters within a window, and wants ..."""
+"""Time by which a robot may be at the commit line after its slot has begun, seconds: it enters within a window."""
 AFTER_S: Final = 0.1
-"""... to be early at its goal by this."""
+"""Time by which a robot plans to be early at its goal, seconds."""
 AT_ENTER_M: Final = 0.04
-"""A robot is at a place when it is this near to it."""
+"""A robot no farther than this from a place is at it."""
 
 
 class Estimate(NamedTuple):
-    """What a drive would take."""
+    """Durations of a drive."""
 
     approach: Duration
-    """Until the robot is at the gate's line at full speed (to the goal, when there is no gate)."""
+    """Until the robot is at the commit line at full speed (at the goal, when there is no gate)."""
     inside: Duration
     """From there, at full speed, until it is clear of the narrow section; 0 without a gate."""
     way: int

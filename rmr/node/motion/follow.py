@@ -1,8 +1,8 @@
 """Path following with a differential drive: pure pursuit.
 
-The robot steers along the arc that leads from its pose to the point of the path a look-ahead further on. When
-that point is far off its heading it turns in place first. Wheels accelerate at most ACCEL and TURN_ACCEL, so
-speed falls before the end of the path as the square root of the way that is left.
+The robot steers along the arc that leads from its pose to the look-ahead point of the path. When that point is far off
+its heading it turns in place first. Wheels brake with PLANNED_BRAKE and TURN_BRAKE at most, so speed falls before the
+end of the path as the square root of the remaining length.
 """
 
 import math
@@ -14,36 +14,36 @@ from rmr.node.motion.route import Route
 
 LOOK_AHEAD_M: Final = 0.11
 """Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
-BRAKE: Final = 0.5
-"""Deceleration that braking counts on, m/s^2; the wheels can do 0.8."""
+PLANNED_BRAKE: Final = 0.5
+"""Deceleration of planned stops, at the end of a path and at the hold line, m/s^2; the wheels can do 0.8."""
 TURN_BRAKE: Final = 8.0
-"""Likewise for turning, rad/s^2; the wheels can do 12."""
+"""Deceleration of planned turns, rad/s^2; the wheels can do 12."""
 TURN_PER_S: Final = 8.0
-"""Turn rate per radian of heading error, 1/s: what is left of a small one is removed without a jerk."""
+"""Turn rate per radian of heading error, 1/s: a small error is removed without a jerk."""
 PIVOT_BEGIN: Final = 1.0
 """Heading error beyond which the robot turns in place, radians."""
 PIVOT_END: Final = 0.35
-"""Heading error below which it drives on, radians."""
+"""Heading error below which a robot that turns in place drives on, radians."""
 FACED: Final = 0.03
 """Heading error that counts as facing, radians."""
 TURNED: Final = 0.05
-"""Heading error that a robot which may not drive leaves as it is, radians."""
+"""Heading error that is left as it is while the robot may not drive, radians."""
 NEARS_M: Final = 0.05
-"""From here on to the path's end it is asked whether the robot is there."""
+"""Remaining length from which arrival is tested."""
 END_M: Final = 0.002
-"""A path of which no more is left has no length left: the robot brakes for this place."""
+"""Remaining length that counts as none: the robot brakes for this place."""
 ARRIVED_M: Final = 0.008
 """Distance from the goal that counts as there."""
-ABEAM_M: Final = 0.02
-"""Distance that counts as there when the path has no length left: turning back would cost more than it gains."""
+ARRIVED_BESIDE_M: Final = 0.02
+"""Distance from the goal that counts as there when no length remains: turning back would cost more than it gains."""
 CREEP: Final = 0.02
 """Least speed on the last centimetres, m/s."""
 WINDOW_M: Final = 0.25
-"""How far ahead on the path the robot's place is looked for ..."""
+"""How far ahead of its last progress the robot is searched for on the path."""
 BACK_M: Final = 0.02
-"""... and how far back: braking undoes no more."""
+"""How far behind its last progress the robot is searched for: braking undoes no more."""
 AIM_M: Final = 0.03
-"""A look-ahead point nearer than this is steered for as if it were so far: at the path's end it comes close."""
+"""Least distance of the look-ahead point in the curvature: at the path's end the point comes close."""
 
 
 def turn_towards(error: float, shape: RobotShape) -> float:
@@ -54,7 +54,7 @@ def turn_towards(error: float, shape: RobotShape) -> float:
 
 def braking_speed(way_m: float) -> float:
     """Return the speed from which the robot can stop within `way_m`, m/s."""
-    return math.sqrt(2.0 * BRAKE * max(0.0, way_m))
+    return math.sqrt(2.0 * PLANNED_BRAKE * max(0.0, way_m))
 
 
 class Follower:
@@ -75,12 +75,14 @@ class Follower:
 
     def locate(self, pose: Pose) -> None:
         """Bring progress up to `pose`; it never goes back by more than `BACK_M`."""
-        route, x, y = self.route, pose.x, pose.y
+        route = self.route
+        x = pose.x
+        y = pose.y
         self.s = route.project(x, y, max(0.0, self.s - BACK_M), self.s + WINDOW_M)
         left = route.at_m[-1] - self.s
         if left < NEARS_M:
             away = distance(*route.points[-1], x, y)
-            if away < ARRIVED_M or (left < END_M and away < ABEAM_M):
+            if away < ARRIVED_M or (left < END_M and away < ARRIVED_BESIDE_M):
                 self.arrived = True
 
     def heading_error(self, pose: Pose) -> float:
@@ -90,9 +92,11 @@ class Follower:
     def _look_ahead(self, pose: Pose) -> tuple[float, float, float]:
         """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
         if self._seen is not pose or self._seen_s != self.s:
-            self._seen, self._seen_s = pose, self.s
+            self._seen = pose
+            self._seen_s = self.s
             x, y = self.route.place(self.s + LOOK_AHEAD_M)
-            dx, dy = x - pose.x, y - pose.y
+            dx = x - pose.x
+            dy = y - pose.y
             self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
         return self._aim
 
@@ -110,9 +114,10 @@ class Follower:
         if v <= 0.0:
             return Twist(0.0, turn_towards(error, shape) if abs(error) > TURNED else 0.0)
         left = self.route.at_m[-1] - self.s - END_M
-        if 2.0 * BRAKE * left < v * v:
+        if 2.0 * PLANNED_BRAKE * left < v * v:
             v = min(v, max(CREEP, braking_speed(left)))
+        # Pure pursuit: the circle through the pose, tangent to the heading, and the look-ahead point.
         curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
-        if abs(v * curvature) > shape.turn:
+        if abs(v * curvature) > shape.turn:  # the wheels cannot turn so fast: slower, on the same arc
             v = shape.turn / abs(curvature)
         return Twist(v, v * curvature)

@@ -1,9 +1,9 @@
-"""The gate of a route as one robot drives up to it: when to leave, how fast to come, where to stop.
+"""The entry gate of a route as one robot drives up to it: when to leave, how fast to come, where to stop.
 
-The gate has a line: the place where the hull's front is so far before the bottleneck's point that the robot can
-still stop there from full speed. Slots mean that line: a robot that crosses it at full speed as its slot opens
-loses nothing, one whose gate stays closed stops with its front before the point. A robot leaves just in time
-and adapts its speed, rather than wait before the entry where others pass.
+Two places on the route matter. At the *hold line* a robot waits whose gate stays closed, its front just before the
+bottleneck's point. At the *commit line*, farther out, it can still stop for the hold line from full speed. Slots refer
+to the commit line: a robot that crosses it at full speed as its slot opens loses nothing. A robot leaves just in time
+and adapts its speed, rather than wait before the entrance where others pass.
 """
 
 from collections.abc import Iterable
@@ -12,34 +12,34 @@ from typing import Final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, distance
 from rmr.base.time import Instant, in_seconds
-from rmr.node.motion.follow import BRAKE, braking_speed
+from rmr.node.motion.follow import PLANNED_BRAKE, braking_speed
 from rmr.node.motion.route import Route
 
-MARGIN_M: Final = 0.01
-"""Between the hull's front and the gate when the robot waits there."""
+HOLD_MARGIN_M: Final = 0.01
+"""Distance of the hull's front from the bottleneck's point when the robot waits at the hold line."""
 PASSED_M: Final = 0.02
-"""A robot this far beyond where it waits has driven on."""
+"""A robot this far beyond the hold line has driven on."""
 START_S: Final = 0.15
-"""What speeding up from standstill costs against full speed, seconds."""
+"""Time that speeding up from standstill costs against full speed, seconds."""
 EARLY_S: Final = 0.25
 """A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
 EARLY_SHARE: Final = 0.1
-"""Likewise, as a share of the time that is left."""
+"""A robot leaves earlier by this share of the time that is left, too."""
 MOUTH_S: Final = 2.0
-"""A robot that has stood so long without its turn in a mouth by which others come out, or before one that stands there,
-drives out of their way."""
+"""Patience of a robot that stands without its turn in an entrance by which others come out, or before one that stands
+there, seconds; then it clears the entrance."""
 MEETS_RADII: Final = 3.0
-"""It is before one whose centre is nearer than this: that one has no room to turn past it."""
+"""Two robots whose centres are nearer than this stand before each other: there is no room to turn past."""
 SLOWEST_MPS: Final = 0.02
-"""Towards a line that is far too near for the time that is left a robot creeps, so that it is known to be under way."""
+"""Least speed towards the commit line when time abounds: a robot under way has to be seen to be under way."""
 PUT_OFF_S: Final = 5.0
-"""A robot under way stands where it is while its slot is later than it can be there by more than this: it has been put
-off, and those that go first have to pass it. With less it goes on slowly."""
+"""A robot under way whose slot has been deferred by more than this stands where it is: those that go first have to pass
+it. With less it drives on slowly."""
 AHEAD_S: Final = 3.0
-"""A robot that still holds for longer than this need not know its way: others will move before it leaves."""
+"""A robot that holds for longer than this need not replan: others will move before it leaves."""
 
 
-class Gate:
+class EntryGate:
     """What is known about the gate during one drive."""
 
     __slots__ = (
@@ -60,14 +60,14 @@ class Gate:
         """The route that was asked for last."""
         self._stop_m = self._line_m = 0.0
 
-    def stop_m(self, route: Route) -> float:
+    def hold_line_m(self, route: Route) -> float:
         """Return the arc length at which the robot waits for the gate to open."""
         if route is not self._route:
             self._measure(route)
         return self._stop_m
 
-    def line_m(self, route: Route) -> float:
-        """Return the arc length of the gate's line."""
+    def commit_line_m(self, route: Route) -> float:
+        """Return the arc length of the commit line."""
         if route is not self._route:
             self._measure(route)
         return self._line_m
@@ -76,7 +76,8 @@ class Gate:
         shape = self.shape
         self._route = route
         self._stop_m = max(0.0, (route.gate_m or 0.0) - self.room(route))
-        self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * BRAKE))
+        # Braking distance from full speed: v^2 / (2 a).
+        self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * PLANNED_BRAKE))
 
     def locate(self, route: Route, s: float, arrived: bool) -> None:
         """Take in the robot's progress."""
@@ -88,13 +89,14 @@ class Gate:
             self.cleared = True
 
     def _entry_m(self, route: Route) -> float:
-        """Return from where on the robot drives through.
+        """Return from where on the robot counts as driving through.
 
-        Without its turn, if there is room to wait and to make way: once its hull is inside, as one that was pushed in.
-        Else one that begins in that room, where it may not wait, would go in for a step to and fro.
+        With its turn that is the hold line. Without it, where room is left before the entrance for others, the hull
+        has to be inside, as that of a robot that was pushed in: else a robot that begins in that room, where it may
+        not wait, would count as inside for a step to and fro.
         """
         if self.opened or route.within or route.room_m <= 0.0 or route.gate_m is None:
-            return self.stop_m(route)
+            return self.hold_line_m(route)
         return route.gate_m + self.shape.radius
 
     def limit(self, now: Instant, route: Route, s: float) -> float:
@@ -103,17 +105,19 @@ class Gate:
         if route.gate_m is None or self.opened or self.passed:
             self.holding = False
             return speed
-        stop = braking_speed(self.stop_m(route) - s)
+        stop = braking_speed(self.hold_line_m(route) - s)  # so that the robot stops at the hold line
         if self.opens_at is None:
             self.holding = False
             return min(speed, stop)
         left = in_seconds(self.opens_at - now)
-        to_line = self.line_m(route) - s
+        to_line = self.commit_line_m(route) - s
+        # Not yet left: hold until it is time. Under way: stand again only if the slot has been deferred by much.
         self.holding = self._too_early(to_line, left) and (self.holding or left > PUT_OFF_S + to_line / speed)
         if self.holding:
             return 0.0
         if to_line <= 0.0 or left <= 0.0:
             return min(speed, stop)
+        # The even speed that takes the robot to the commit line as the slot opens.
         return min(speed, stop, max(SLOWEST_MPS, to_line / left))
 
     def blocks(self, now: Instant, route: Route, s: float, standing: Iterable[Point] = ()) -> bool:
@@ -128,16 +132,19 @@ class Gate:
         return in_seconds(now - self._in_mouth_since) > MOUTH_S
 
     def _meets(self, route: Route, s: float, standing: Iterable[Point]) -> bool:
-        """Return whether the robot is in the mouth without its turn, or before one of those `standing` in it."""
-        gate, room = route.gate_m or 0.0, self.room(route)
-        if gate - s <= room - MARGIN_M:
+        """Return whether the robot is in the entrance without its turn, or before one of those `standing` in it."""
+        gate = route.gate_m or 0.0
+        room = self.room(route)
+        if gate - s <= room - HOLD_MARGIN_M:
             return True
-        here, mouth, near = route.point(s), route.point(gate), MEETS_RADII * self.shape.radius
+        here = route.point(s)
+        mouth = route.point(gate)
+        near = MEETS_RADII * self.shape.radius
         return any(distance(*here, *other) < near and distance(*mouth, *other) < room for other in standing)
 
     def room(self, route: Route) -> float:
         """Return how far from the mouth the centre of a robot that waits is, metres."""
-        return route.room_m + self.shape.radius + MARGIN_M
+        return route.room_m + self.shape.radius + HOLD_MARGIN_M
 
     def met_by(self, route: Route | None) -> int | None:
         """Return the robot's way inside a bottleneck in which others may come towards it; None elsewhere."""
@@ -154,7 +161,9 @@ class Gate:
         """Return whether the robot would not yet leave were its way longer by what it drives in `AHEAD_S`."""
         if not self.holding or self.opens_at is None:
             return False
-        return self._too_early(self.line_m(route) - s + AHEAD_S * self.shape.speed, in_seconds(self.opens_at - now))
+        return self._too_early(
+            self.commit_line_m(route) - s + AHEAD_S * self.shape.speed, in_seconds(self.opens_at - now)
+        )
 
     def _too_early(self, to_line: float, left: float) -> bool:
         """Return whether leaving now would mean creeping."""

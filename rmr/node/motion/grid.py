@@ -17,10 +17,10 @@ from typing import Final
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
-MARGIN_M: Final = 0.03
-"""Added to the radius on the way, and to two radii around parked robots."""
+PATH_MARGIN_M: Final = 0.03
+"""Margin of paths: added to the radius near walls, to two radii near parked robots."""
 TIGHT_MARGIN_M: Final = 0.005
-"""Added to the radius (to two radii around parked robots) near start and goal."""
+"""The same margin near start and goal."""
 SAME_PLACE_M: Final = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
 RELAXED_M: Final = 0.15
@@ -30,7 +30,7 @@ Discs = tuple[tuple[float, float, float], ...]
 """Parked robots: x, y and the distance that another robot's centre keeps, metres."""
 
 
-class Grid:
+class OccupancyGrid:
     """The cells of one arena. Index of a cell: (row + 1) * stride + column + 1."""
 
     __slots__ = ("arena", "cell", "clear", "columns", "rows", "stride")
@@ -85,9 +85,9 @@ class Grid:
 
 
 @lru_cache(maxsize=16)
-def grid_of(arena: Arena) -> Grid:
+def grid_of(arena: Arena) -> OccupancyGrid:
     """Return the grid of `arena`, made once."""
-    return Grid(arena)
+    return OccupancyGrid(arena)
 
 
 @lru_cache(maxsize=32)
@@ -103,7 +103,7 @@ def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Poi
     """
     discs = []
     for x, y in parked:
-        keep = 2.0 * radius + MARGIN_M
+        keep = 2.0 * radius + PATH_MARGIN_M
         from_goal = hypot(goal.x - x, goal.y - y)
         if from_goal < keep:
             keep = max(2.0 * radius + TIGHT_MARGIN_M, from_goal - 1e-6)
@@ -129,7 +129,7 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
-def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
+def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
     """Return for each cell 1 if a robot's centre must not enter it on the way from `start` to `goal`."""
     blocked = bytearray(_inflated(grid.arena, inflation_m))
     tight = grid.arena.shape.radius + TIGHT_MARGIN_M
@@ -148,8 +148,14 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 
     Where that is `enough_m` or more, `enough_m`: what is farther away need not be looked at.
     """
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
-    left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
+    left = min(ax, bx)
+    right = max(ax, bx)
+    low = min(ay, by)
+    high = max(ay, by)
     least = min(enough_m, left)
     least = min(least, low)
     least = min(least, arena.width - right)
@@ -166,16 +172,21 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
     """Return the distance of an obstacle from the segment a-b, at most 0 when they meet."""
     # Bare numbers: this is what most of a plan's time goes by.
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
     if isinstance(obstacle, Disc):
         return point_segment_distance(obstacle.centre.x, obstacle.centre.y, ax, ay, bx, by) - obstacle.radius
     if obstacle.contains(ax, ay) or obstacle.contains(bx, by):
         return 0.0
     least = math.inf
     c = obstacle.corners[-1]
-    cx, cy = c.x, c.y
+    cx = c.x
+    cy = c.y
     for d in obstacle.corners:
-        dx, dy = d.x, d.y
+        dx = d.x
+        dy = d.y
         if (
             _side(ax, ay, bx, by, cx, cy) * _side(ax, ay, bx, by, dx, dy) < 0.0
             and _side(cx, cy, dx, dy, ax, ay) * _side(cx, cy, dx, dy, bx, by) < 0.0
@@ -184,7 +195,8 @@ def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
         least = min(least, point_segment_distance(dx, dy, ax, ay, bx, by))
         least = min(least, point_segment_distance(ax, ay, cx, cy, dx, dy))
         least = min(least, point_segment_distance(bx, by, cx, cy, dx, dy))
-        cx, cy = dx, dy
+        cx = dx
+        cy = dy
     return least
 
 

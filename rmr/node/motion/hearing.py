@@ -1,29 +1,20 @@
-"""What is heard of the others keeps them apart where sight, which is narrow, does not.
+"""What is heard of the others keeps robots apart where sight, which is narrow, does not.
 
-*Heard is as good as seen.* Robots say several times a second where they are and how fast they go. Whoever is near
-and not in view is a body for stop-if-dangerous all the same, at the place and with the velocity that it told
-last: so robots that come together from the side stop for each other.
-
-*Stand while somebody who may be near is silent.* One that has not been heard for a while is somewhere in a disc around
-the place that it told last, which grows at full speed. A driving robot that this disc could reach before it stands
-(or may have reached already) stands until the other is heard again. Two that do not hear each other both stand. A
-body that is seen in the disc is the silent robot, unless another one has said that it is there: what is seen is left
-to stop-if-dangerous.
-
-*The nearer, the sooner.* Of one that is near, unseen and not behind (there its own eyes keep it off), two hellos that
-are overdue are a silence; and a robot that sets out waits for a single one of a parked robot near it, which may have
-set out unheard as well.
-
-*Who says that it stays is not silent meanwhile* (`rmr.node.peers.hello`): in a crowd most robots stand, and
-speak seldom.
-
-*Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
-it is, or has had long enough to (`rmr.node.config`).
-
-*The order is heard, too.* Robots say which place in the order they have, so who sees or hears another knows which of
-the two goes first.
-
-*A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
+- *Cooperative perception.* Robots report several times a second where they are and how fast they drive. A robot that is
+  near, heard and not in view is a body for the speed law all the same, at its reported place and with its reported
+  velocity: so robots that come together from the side stop for each other.
+- *Silence.* A robot that has not been heard for a while is somewhere in a disc around its last reported place, which
+  grows at full speed. A driving robot which that disc can reach before it stands, stands until the other is heard;
+  two that do not hear each other both stand. A body that is seen in the disc is taken for the silent robot, unless
+  another one has reported to be there: what is seen is left to the rules for bodies.
+- *Overdue hellos.* Of a robot that is near, unseen and not behind (there its own eyes keep it off), two overdue hellos
+  are a silence. A robot that sets out waits for a single one of a parked robot near it, which may have set out unheard.
+- *Promise to stay* (`rmr.node.peers.hello`). In a crowd most robots stand and speak seldom: one that has promised to
+  stay is not silent meanwhile.
+- *Listening.* A robot that has never been heard may be anywhere. A robot that begins stands until each of the roster
+  has said where it is, or has had long enough to (`rmr.node.config`).
+- *Order.* Hellos tell the rank in the schedule, so a robot knows which of two goes first.
+- *Death.* A robot that has been silent for longer than any stall is an obstacle like a parked robot.
 """
 
 import math
@@ -34,13 +25,13 @@ from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.priority import order_key
-from rmr.node.peers.hello import period_max
 from rmr.node.ports import SeenBody
+from rmr.node.profile import profile_of
 
 SILENT_MOVING: Final[Duration] = milliseconds(1200)
-"""A robot that drives and has not been heard for so long is silent: five hellos are lost."""
+"""A driving robot that has not been heard for so long is silent: five hellos are lost."""
 SILENT_PARKED: Final[Duration] = milliseconds(2400)
-"""Likewise one that is parked, and may have set out."""
+"""A parked robot that has not been heard for so long is silent: it may have set out."""
 DEAD: Final[Duration] = seconds(15)
 """After so long a silence a robot does not move any more: longer than any stall or loss of radio."""
 OVERDUE: Final[Duration] = milliseconds(150)
@@ -48,24 +39,29 @@ OVERDUE: Final[Duration] = milliseconds(150)
 BEHIND: Final = math.cos(math.radians(120))
 """Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
 STOP_S: Final = 0.4
-"""What stopping from full speed takes, with the time until the wheels are told."""
-MARGIN_M: Final = 0.03
-"""For the errors of both robots' places."""
+"""Time to stop from full speed: the lag until wheels brake, 0.12 s, and 0.2 m/s at 0.7 m/s^2."""
+POSITION_ERROR_M: Final = 0.03
+"""Error of the estimated positions of two robots together."""
 PARKED_SPARE_M: Final = 0.02
-"""A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
+"""A parked robot is taken to be this much farther away: routes and goals keep clear of it by no more."""
 SPARE_FROM_M: Final = 0.05
-"""Nearer than this it is shifted by less: its direction is hardly more than noise."""
+"""A parked robot nearer than this is shifted by less: its direction is hardly more than noise."""
 BESIDE_M: Final = 0.1
 """A robot that turns takes in also those heard abeam, at most this far behind its axle: they may be ahead before it
 stands."""
 JUMP_M: Final = 0.1
-"""A place that is estimated is not corrected by more than this between two updates."""
-NEAR_M: Final = 0.5
-"""Centres farther apart than this need not be looked at before the next update."""
+"""An estimated position is not corrected by more than this between two updates."""
+HEARD_NEAR_M: Final = 0.5
+"""Robots whose centres are farther apart than this cannot matter before the next update."""
+
+LISTENS: Final = 1
+SILENT: Final = 2
+OVERDUE_HELLOS: Final = 4
+"""Flags of the reasons for which `Hearing.forbids` driving on."""
 
 
 @final
-class Known:
+class ReportedState:
     """What another robot last said about itself. It is never changed."""
 
     __slots__ = ("at", "parked", "rank", "robot", "silent", "vx", "vy", "x", "y")
@@ -106,71 +102,98 @@ class Hearing:
         "_shape",
         "_silent",
         "_silent_from",
-        "doubts_at",
         "fresh",
+        "heeds",
+        "hides_remembered",
         "listens",
         "order",
+        "overdue_at",
         "stands",
     )
 
     def __init__(self, shape: RobotShape, robots: int = 1) -> None:
         """`robots`: how many there are, by which the time between two hellos goes."""
         self._shape = shape
-        self._moving = period_max(robots, parked=False)
-        self._parked = period_max(robots, parked=True)
-        self._silent: list[Known] = []
+        self._moving = profile_of(robots).moving_max
+        self._parked = profile_of(robots).parked_max
+        self._silent: list[ReportedState] = []
         self._silent_from: Instant = 0
         """Before this none of those can be near; 0: to be looked at."""
-        self.fresh: list[Known] = []
+        self.fresh: list[ReportedState] = []
         """Those near that are not silent."""
         self.order = order_key(0, 0)
         """What the right of way of this robot goes by."""
         self.listens = False
         """Somebody has never been heard who may be anywhere."""
+        self.heeds = LISTENS | SILENT | OVERDUE_HELLOS
+        """The reasons that count."""
+        self.hides_remembered = False
+        """Whether `around` has left out a robot for one that is no longer in view but remembered."""
         self.stands = True
         """The robot does not drive on but would set out."""
-        self.doubts_at: Instant = NEVER
+        self.overdue_at: Instant = NEVER
         """When one of those near will have been silent for too long; not looked at again before the next update."""
 
-    def update(self, pose: Pose, known: Sequence[Known]) -> None:
+    def update(self, pose: Pose, known: Sequence[ReportedState]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
-        self._silent, self._silent_from = [other for other in known if other.silent], 0
+        self._silent = [other for other in known if other.silent]
+        self._silent_from = 0
         self.fresh = [
-            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < NEAR_M
+            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < HEARD_NEAR_M
         ]
-        self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
+        self.overdue_at = min((self._overdue_at(other) for other in self.fresh), default=NEVER)
 
-    def _doubted_at(self, other: Known) -> Instant:
+    def _overdue_at(self, other: ReportedState) -> Instant:
         """Return from when on one that is near counts as silent."""
+        # A robot that is about to set out waits for the very next hello of a parked one: that may set out as well.
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
         return other.at + hellos + OVERDUE
 
-    def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf) -> list[SeenBody]:
+    def around(
+        self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf, in_view: int = 0
+    ) -> list[SeenBody]:
         """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame.
 
-        Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on. One who drives off behind is
-        taken to be where it was heard: backing up after it is done blind.
+        The first `in_view` bodies are in view now; the others are remembered.
+
+        Only those farther ahead than `beyond_m`: one behind does not stop a robot that drives on. One that drives off
+        behind is taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
+        self.hides_remembered = False
         if not self.fresh:
             return heard
-        own_x, own_y, radius = pose.x, pose.y, self._shape.radius
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        own_x = pose.x
+        own_y = pose.y
+        radius = self._shape.radius
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
         for other in self.fresh:
-            parked, vx, vy, age = other.parked, other.vx, other.vy, (now - other.at) / NS_PER_S
-            dx, dy = other.x + vx * age - own_x, other.y + vy * age - own_y
+            parked = other.parked
+            vx = other.vx
+            vy = other.vy
+            age = (now - other.at) / NS_PER_S
+            # Dead reckoning since the hello, then into the robot's frame.
+            dx = other.x + vx * age - own_x
+            dy = other.y + vy * age - own_y
             if parked:
                 spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, hypot(dx, dy))
-                dx, dy = dx * spare, dy * spare
-            x, y = dx * cos + dy * sin, dy * cos - dx * sin
+                dx = dx * spare
+                dy = dy * spare
+            x = dx * cos + dy * sin
+            y = dy * cos - dx * sin
             if x <= beyond_m:
                 continue
-            if x < 0.0 and not parked:  # who drives off may have stopped since, and nobody sees it
-                was_x, was_y = other.x - own_x, other.y - own_y
+            # Behind: a robot that drives off may have stopped since, and nobody sees it. The nearer place counts.
+            if x < 0.0 and not parked:
+                was_x = other.x - own_x
+                was_y = other.y - own_y
                 if hypot(was_x, was_y) < hypot(x, y):
-                    x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
-            for body in seen:
+                    x = was_x * cos + was_y * sin
+                    y = was_y * cos - was_x * sin
+            for index, body in enumerate(seen):
                 if hypot(body.x - x, body.y - y) <= radius:
+                    self.hides_remembered = self.hides_remembered or index >= in_view
                     break
             else:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
@@ -181,61 +204,82 @@ class Hearing:
         ranked: dict[SeenBody, bool] = {}
         if not bodies:
             return ranked
-        cos, sin, radius = math.cos(pose.theta), math.sin(pose.theta), self._shape.radius
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
+        radius = self._shape.radius
         for other in self.fresh:
             if other.parked or not other.rank:
                 continue
             age = (now - other.at) / NS_PER_S
-            dx, dy = other.x + other.vx * age - pose.x, other.y + other.vy * age - pose.y
-            ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+            dx = other.x + other.vx * age - pose.x
+            dy = other.y + other.vy * age - pose.y
+            ahead = dx * cos + dy * sin
+            left = dy * cos - dx * sin
             for body in bodies:
                 if hypot(body.x - ahead, body.y - left) <= radius:
                     ranked[body] = self.order < order_key(other.rank, other.robot)
         return ranked
 
-    def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
-        """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
-        if self.listens:
-            return True
-        doubts = now > self.doubts_at
-        if not doubts and not self._silent:
-            return False
-        near: list[Known] = []
-        if now >= self._silent_from and self._silent:
-            near = [other for other in self._silent if self._reaches(now, other, pose)]
-            if not near:
-                self._silent_from = self._reach_from(now, pose)
-        if doubts:
-            near += [other for other in self.fresh if self._doubts(now, other, pose)]
-        return len(near) > 0 and not self._in_view(now, pose, seen, near)
+    def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> int:
+        """Return why a robot at `pose` that sees the bodies `seen` must not drive on, as flags; 0: it may.
 
-    def _doubts(self, now: Instant, other: Known, pose: Pose) -> bool:
+        Somebody has never been heard (LISTENS), or is silent, or overdue, and neither far away nor in view.
+        """
+        if self.listens and self.heeds & LISTENS:
+            return LISTENS
+        overdue = now > self.overdue_at and self.heeds & OVERDUE_HELLOS != 0
+        if not overdue and not self._silent:
+            return 0
+        why = 0
+        near: list[ReportedState] = []
+        if now >= self._silent_from and self._silent and self.heeds & SILENT:
+            near = [other for other in self._silent if self._reaches(now, other, pose)]
+            if near:
+                why = SILENT
+            else:
+                self._silent_from = self._reach_from(now, pose)
+        if overdue:
+            late = [other for other in self.fresh if self._is_overdue(now, other, pose)]
+            if late:
+                near += late
+                why |= OVERDUE_HELLOS
+        return why if near and not self._in_view(now, pose, seen, near) else 0
+
+    def _is_overdue(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
-        if now <= self._doubted_at(other) or not self._reaches(now, other, pose):
+        if now <= self._overdue_at(other) or not self._reaches(now, other, pose):
             return False
-        dx, dy = other.x - pose.x, other.y - pose.y
+        dx = other.x - pose.x
+        dy = other.y - pose.y
         return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * hypot(dx, dy)
 
-    def _reaches(self, now: Instant, other: Known, pose: Pose) -> bool:
+    def _reaches(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
+        # The silent robot's disc grows at full speed. This robot, which brakes evenly, covers half of the way that it
+        # would at full speed, and the disc has grown once more by when it stands.
         speed = self._shape.speed
-        touch = 2.0 * self._shape.radius + MARGIN_M + speed * in_seconds(now - other.at)
+        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + speed * in_seconds(now - other.at)
         if hypot(other.x - pose.x, other.y - pose.y) < touch:
             return True
         way = 0.5 * speed * STOP_S
-        x, y = pose.x + way * math.cos(pose.theta), pose.y + way * math.sin(pose.theta)
+        x = pose.x + way * math.cos(pose.theta)
+        y = pose.y + way * math.sin(pose.theta)
         return hypot(other.x - x, other.y - y) < touch + speed * STOP_S
 
     def _reach_from(self, now: Instant, pose: Pose) -> Instant:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
-        speed, x, y = self._shape.speed, pose.x, pose.y
-        touch = 2.0 * self._shape.radius + MARGIN_M + 1.5 * speed * STOP_S + JUMP_M
+        speed = self._shape.speed
+        x = pose.x
+        y = pose.y
+        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * STOP_S + JUMP_M
+        # Both drive towards each other at full speed at worst, so the gap closes at twice that.
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
-    def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[Known]) -> bool:
+    def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[ReportedState]) -> bool:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
         heard = [other for other in self.fresh if other not in near]
         free = [place for place in places if not any(self._may_be(now, other, place) for other in heard)]
@@ -246,6 +290,7 @@ class Hearing:
             free.remove(found)
         return True
 
-    def _may_be(self, now: Instant, other: Known, place: Point) -> bool:
-        reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * MARGIN_M
+    def _may_be(self, now: Instant, other: ReportedState, place: Point) -> bool:
+        """Return whether `other` can have got to `place` since it was heard."""
+        reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * POSITION_ERROR_M
         return hypot(other.x - place.x, other.y - place.y) <= reach

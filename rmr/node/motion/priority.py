@@ -1,13 +1,12 @@
 """Right of way between robots that hear but do not see each other.
 
-A field of view of 60 degrees is blind to a robot that comes from the side at the same speed. What robots say
-about themselves (where, which way, where to) fills the gap: of two whose ways cross, the one later in the
-order keeps clear. It predicts the other as going straight to its goal at full speed, itself along its route, and takes
-the greatest share of its speed that keeps the two apart. This only spaces robots out; what is seen comes after
-it and has the last word.
+A field of view of 60 degrees is blind to a robot that comes from the side at the same speed. Hellos (position, heading,
+goal) fill the gap: of two whose paths cross, the one later in the order keeps clear. It predicts the other as going
+straight to its goal at full speed, itself along its route, and takes the greatest share of its speed that keeps the two
+apart over the horizon. This only spaces robots out; the rules for bodies come after it and have the last word.
 
-The right of way is for those that use it: a robot that has not got anywhere for a while (`Standing`) goes before
-nobody, or two robots would wait for each other for good; detours go around it, seen or not.
+A robot that has not got anywhere for a while (`Standing`) has no right of way, or two robots would wait for each other
+for ever; detours go around it, seen or not.
 """
 
 import math
@@ -19,23 +18,25 @@ from rmr.base.geometry import Point, Pose, hypot, point_segment_distance
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
-KEEP_M: Final = 0.04
-"""Predicted distance of hulls that is wide enough."""
-HORIZON_S: Final = 4.0
+CONFLICT_GAP_M: Final = 0.04
+"""Predicted gap between hulls that is wide enough."""
+CONFLICT_HORIZON_S: Final = 4.0
+"""How far ahead paths are predicted."""
 STEP_S: Final = 0.25
-STEPS: Final = round(HORIZON_S / STEP_S) + 1
-MARGIN_M: Final = 1e-6
+"""Step of the prediction: 5 cm at full speed."""
+STEPS: Final = round(CONFLICT_HORIZON_S / STEP_S) + 1
+ROUNDING_M: Final = 1e-6
 """For rounding."""
 SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
 BETTER_M: Final = 0.005
 """Where none is enough, a lower speed is taken if it keeps the two farther apart by more than this."""
 AGE_MAX: Final[Duration] = seconds(2)
-"""What was heard longer ago says nothing."""
+"""A hello older than this is not used for prediction."""
 STOOD: Final[Duration] = milliseconds(1500)
 """A robot that has stayed near one place for this long stands, whatever it intends."""
 STOOD_M: Final = 0.1
-"""How near: a little way back and the return from it get a robot nowhere."""
+"""Radius of the place that a standing robot has stayed near: a reverse manoeuvre and the return get it nowhere."""
 
 
 @final
@@ -71,14 +72,18 @@ class Standing:
         since: dict[int, tuple[float, float, Instant]] = {}
         points: dict[int, Point] = {}
         for other in others:
-            robot, x, y, heard_at = other.robot, other.pose.x, other.pose.y, other.at
+            robot = other.robot
+            x = other.pose.x
+            y = other.pose.y
+            heard_at = other.at
             held = known.get(robot)
             if held is None or hypot(x - held[0], y - held[1]) > STOOD_M:
                 held = x, y, now
             elif now - held[2] >= STOOD and now - heard_at <= AGE_MAX:
                 points[robot] = Point(x, y)
             since[robot] = held
-        self._since, self.points = since, points
+        self._since = since
+        self.points = points
 
 
 def order_key(rank: int, robot: int) -> int:
@@ -91,16 +96,19 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
 
     When none does, the one that keeps the greatest distance.
     """
-    here, speed = route.point(s), shape.speed
-    keep = 2.0 * shape.radius + KEEP_M
-    reach = keep + (2.0 * HORIZON_S + in_seconds(AGE_MAX)) * speed
+    here = route.point(s)
+    speed = shape.speed
+    # Robots that cannot come within `keep` in the horizon, even if both drive towards each other, are left out first.
+    keep = 2.0 * shape.radius + CONFLICT_GAP_M
+    reach = keep + (2.0 * CONFLICT_HORIZON_S + in_seconds(AGE_MAX)) * speed
     near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
     tracks = [_track(now, other, speed) for other in near if _may_meet(now, other, here, speed, keep)]
     if not tracks:
         return 1.0
-    best, best_share = -math.inf, 1.0
+    best = -math.inf
+    best_share = 1.0
     for share in SHARES:
-        least = math.inf
+        least = math.inf  # the least distance of centres at this share of the speed
         for i in range(STEPS):
             x, y = route.place(s + share * shape.speed * STEP_S * i)
             for track in tracks:
@@ -110,7 +118,8 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
         if least >= keep:
             return share
         if least > best + BETTER_M:
-            best, best_share = least, share
+            best = least
+            best_share = share
     return best_share
 
 
@@ -122,18 +131,23 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     if now - other.at > AGE_MAX:
         return False
     age = in_seconds(now - other.at)
-    near, x, y = keep + HORIZON_S * speed, other.pose.x, other.pose.y
-    far = near + speed * (age + HORIZON_S)
+    # This robot stays within a disc of radius `near`; the other one covers a segment of its course.
+    near = keep + CONFLICT_HORIZON_S * speed
+    x = other.pose.x
+    y = other.pose.y
+    far = near + speed * (age + CONFLICT_HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:
         return False
     cos, sin, way = _course(other)
-    gone = min(way, speed * (age + HORIZON_S))
-    return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + MARGIN_M
+    gone = min(way, speed * (age + CONFLICT_HORIZON_S))
+    return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + ROUNDING_M
 
 
 def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:
     """Return where `other` will be, step by step, as bare numbers."""
-    x, y, (cos, sin, way) = other.pose.x, other.pose.y, _course(other)
+    x = other.pose.x
+    y = other.pose.y
+    (cos, sin, way) = _course(other)
     age = in_seconds(now - other.at)
     gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
     return [(x + g * cos, y + g * sin) for g in gone]
@@ -141,10 +155,13 @@ def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]
 
 def _course(other: Heard) -> tuple[float, float, float]:
     """Return the direction in which `other` drives, as cosine and sine, and how far, metres."""
-    x, y, theta = other.pose.x, other.pose.y, other.pose.theta
+    x = other.pose.x
+    y = other.pose.y
+    theta = other.pose.theta
     if other.goal is None:
         return math.cos(theta), math.sin(theta), math.inf
-    goal_x, goal_y = other.goal.x, other.goal.y
+    goal_x = other.goal.x
+    goal_y = other.goal.y
     way = hypot(goal_x - x, goal_y - y)
     if way > 1e-6:
         return (goal_x - x) / way, (goal_y - y) / way, way

@@ -19,8 +19,8 @@ from typing import Final, NamedTuple
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
-from rmr.node.motion.astar import Floor, plan
-from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
+from rmr.node.motion.astar import FreeSpace, plan
+from rmr.node.motion.grid import PATH_MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
 GATE_REACH_M: Final = 0.15
 """A route has a gate if it passes the bottleneck's point within this."""
@@ -81,7 +81,9 @@ class Route:
 
     def segment(self, s: float) -> int:
         """Return the index of the segment that holds arc length `s`."""
-        at_m, i, last = self.at_m, 0, len(self.at_m) - 2
+        at_m = self.at_m
+        i = 0
+        last = len(self.at_m) - 2
         while i < last and at_m[i + 1] <= s:
             i += 1
         return i
@@ -92,23 +94,31 @@ class Route:
 
     def place(self, s: float) -> tuple[float, float]:
         """Return the point at arc length `s` as bare numbers."""
-        i, xs, ys = self.segment(s), self.xs, self.ys
-        ax, ay, bx, by = xs[i], ys[i], xs[i + 1], ys[i + 1]
-        start, end = self.at_m[i], self.at_m[i + 1]
+        i = self.segment(s)
+        xs = self.xs
+        ys = self.ys
+        ax = xs[i]
+        ay = ys[i]
+        bx = xs[i + 1]
+        by = ys[i + 1]
+        start = self.at_m[i]
+        end = self.at_m[i + 1]
         t = 0.0 if s <= start else 1.0 if s >= end else (s - start) / (end - start)
         return ax + (bx - ax) * t, ay + (by - ay) * t
 
     def heading(self, s: float) -> float:
         """Return the direction of the path at arc length `s`, radians."""
         i = self.segment(s)
-        a, b = self.points[i], self.points[i + 1]
+        a = self.points[i]
+        b = self.points[i + 1]
         return math.atan2(b.y - a.y, b.x - a.x)
 
     def meets(self, s: float, discs: Discs) -> bool:
         """Return whether the route after arc length `s` enters one of `discs`."""
         i = self.segment(s)
         rest = (self.point(s), *self.points[i + 1 :])
-        (x0, y0), (x1, y1) = map(min, zip(*rest, strict=True)), map(max, zip(*rest, strict=True))
+        (x0, y0) = map(min, zip(*rest, strict=True))
+        (x1, y1) = map(max, zip(*rest, strict=True))
         near = [(x, y, keep) for x, y, keep in discs if x0 - keep < x < x1 + keep and y0 - keep < y < y1 + keep]
         return any(
             point_segment_distance(x, y, *a, *b) < keep - GRAZES_M for a, b in pairwise(rest) for x, y, keep in near
@@ -116,13 +126,20 @@ class Route:
 
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
-        best, best_s = math.inf, low
-        xs, ys, at_m = self.xs, self.ys, self.at_m
-        i, last = self.segment(low), len(at_m) - 1
+        best = math.inf
+        best_s = low
+        xs = self.xs
+        ys = self.ys
+        at_m = self.at_m
+        i = self.segment(low)
+        last = len(at_m) - 1
         while i < last and at_m[i] <= high:
-            ax, ay, start = xs[i], ys[i], at_m[i]
+            ax = xs[i]
+            ay = ys[i]
+            start = at_m[i]
             length = at_m[i + 1] - start
-            dx, dy = xs[i + 1] - ax, ys[i + 1] - ay
+            dx = xs[i + 1] - ax
+            dy = ys[i + 1] - ay
             along = 0.0 if length <= 0.0 else ((x - ax) * dx + (y - ay) * dy) / length
             s = start if along < 0.0 else start + (length if along > length else along)
             s = high if s > high else s
@@ -130,12 +147,13 @@ class Route:
             t = 0.0 if length <= 0.0 else (s - start) / length
             away = hypot(x - ax - dx * t, y - ay - dy * t)
             if away < best - 1e-12:
-                best, best_s = away, s
+                best = away
+                best_s = s
             i += 1
         return best_s
 
 
-class Order(NamedTuple):
+class DriveOrder(NamedTuple):
     """A drive that was asked for: where to, along which shared path, and whether through the gate."""
 
     goal: Point
@@ -175,7 +193,8 @@ def _room(arena: Arena) -> float:
 
 def gated_again(arena: Arena, route: Route) -> Route:
     """Return `route`, made anew inside the narrow section, with the gate behind its start."""
-    clear, way = _clear_of(arena, route, 0.0), way_of(route.heading(0.0))
+    clear = _clear_of(arena, route, 0.0)
+    way = way_of(route.heading(0.0))
     if len(arena.mouths) == 2:
         passed = [route.project(*mouth, 0.0, route.length_m) for mouth in arena.mouths]
         way = passed.index(min(passed))
@@ -203,7 +222,8 @@ def way_of(heading: float) -> int:
 def _end_of_narrow(arena: Arena, route: Route, gate: float) -> float:
     """Return where, after `gate`, the last narrow place lies, and a radius more."""
     radius = arena.shape.radius
-    end, s = gate, gate
+    end = gate
+    s = gate
     while s < route.length_m and s < end + 4.0 * radius:
         if _narrow(arena, route, s):
             end = s
@@ -226,9 +246,11 @@ def _begins_within(arena: Arena, route: Route) -> bool:
 
 def _narrow(arena: Arena, route: Route, s: float) -> bool:
     """Return whether both sides of the path are closed within two robot diameters."""
-    here, heading = route.point(s), route.heading(s)
+    here = route.point(s)
+    heading = route.heading(s)
     reach = 4.0 * arena.shape.radius
-    dx, dy = -math.sin(heading) * reach, math.cos(heading) * reach
+    dx = -math.sin(heading) * reach
+    dy = math.cos(heading) * reach
     return all(
         segment_clearance(arena, here, Point(here.x + side * dx, here.y + side * dy), TOUCHES_M) <= 0.0
         for side in (1.0, -1.0)
@@ -275,7 +297,7 @@ def off_queue(arena: Arena, start: Point, parked: Sequence[Point]) -> list[Point
     They go first; who comes after them waits for them to leave and does not drive around them.
     """
     spots = queue_before(arena, start)
-    keep = 2.0 * arena.shape.radius + MARGIN_M
+    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
 
 
@@ -283,7 +305,8 @@ def shared_part(arena: Arena, route: Route) -> GridPath | None:
     """Return the cells of `route` from its gate to the end of the narrow section (P1' of the paper)."""
     if route.gate_m is None:
         return None
-    begin, end = route.point(route.gate_m), route.point(route.clear_m)
+    begin = route.point(route.gate_m)
+    end = route.point(route.clear_m)
     found = plan(arena, begin, end)
     return None if found is None else found.path
 
@@ -312,7 +335,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     points = points[nearest:]
     if len(points) < 2:
         return None
-    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
     for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
@@ -324,7 +347,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
 
 def _leg(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> list[Point] | None:
     """Return the straight leg if it is free, else one by A*, else None."""
-    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
     if distance(*start, *goal) < 1e-9 or floor.sight(start, goal):
         return [start, goal]
     found = plan(arena, start, goal, parked)

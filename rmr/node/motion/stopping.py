@@ -1,11 +1,11 @@
-"""Who drives into what he knows of can always stop before it, even if that stops as well.
+"""Invariant: a robot can always stop short of any body that it knows, even if that body brakes now.
 
-Whether two robots that both go on will meet is what stop-if-dangerous asks (`avoid`). This rule asks what happens if
-the other does not go on: it brakes now, and stands a little further on. A robot is never faster than lets it stand
-before that place, even if its own mind stops in this very moment: wheels without commands go on for a while before
-they brake.
+Whether two robots that both drive on will meet is the question of stop-if-dangerous (`avoid`). This rule covers the
+case that the other does not drive on: it brakes now, and stands a little farther on. The speed is limited so that this
+robot stands before that place, even if its own process stops in this very moment: wheels without commands go on for
+`LAG_S` before they brake.
 
-Speeds matter within some centimetres alone, so robots that follow each other or pass with room are not slowed.
+It matters within some centimetres only, so robots that follow each other or pass with room are not slowed.
 """
 
 import math
@@ -14,27 +14,34 @@ from typing import Final
 from rmr.base.geometry import hypot
 from rmr.node.ports import SeenBody
 
-BRAKE: Final = 0.7
-"""Deceleration that is counted on, m/s^2; the wheels can do 0.8."""
-APART_M: Final = 0.005
-"""Gap between hulls that is kept."""
+REACTION_BRAKE: Final = 0.7
+"""Deceleration of a robot that stops for another one, m/s^2, its own and the other's; the wheels can do 0.8."""
+STOPPING_GAP_M: Final = 0.005
+"""Gap between hulls that is left when both robots stand."""
 LAG_S: Final = 0.117
 """Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
-NEAR_M: Final = 0.09
-"""A gap wider than this is room enough to stop from full speed, whatever the other does."""
+STOPPING_RANGE_M: Final = 0.09
+"""Beyond this gap a robot can stop from full speed, whatever the other does."""
 
 
 def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
     """Return the greatest speed up to `v` (m/s) from which a robot stops before `body`, should that brake now."""
-    x, y, vx, vy = body.x, body.y, body.vx, body.vy
-    touch = 2.0 * radius + APART_M
-    if x <= 0.0 or x * x + y * y > (touch + NEAR_M) * (touch + NEAR_M):
+    x = body.x
+    y = body.y
+    vx = body.vx
+    vy = body.vy
+    touch = 2.0 * radius + STOPPING_GAP_M
+    if x <= 0.0 or x * x + y * y > (touch + STOPPING_RANGE_M) * (touch + STOPPING_RANGE_M):
         return v
-    on = hypot(vx, vy) / (2.0 * BRAKE)
-    x, y = x + vx * on, y + vy * on
+    # The other one brakes evenly: it moves on for v^2 / (2 a) in its direction, that is for v * (|v| / (2 a)).
+    on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)
+    x = x + vx * on
+    y = y + vy * on
     if x <= 0.0 or abs(y) >= touch:
         return v
+    # Driving straight on, the hulls touch where the other's centre is on the circle of radius `touch`.
     room = x - math.sqrt(touch * touch - y * y)
     if room <= 0.0:
         return 0.0
-    return min(v, BRAKE * (math.sqrt(LAG_S * LAG_S + 2.0 * room / BRAKE) - LAG_S))
+    # room = v LAG + v^2 / (2 a), solved for v.
+    return min(v, REACTION_BRAKE * (math.sqrt(LAG_S * LAG_S + 2.0 * room / REACTION_BRAKE) - LAG_S))

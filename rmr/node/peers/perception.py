@@ -15,24 +15,24 @@ from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
-from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
+from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
+from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
 from rmr.node.ports import SeenBody, Sensed
-from rmr.node.wire import Hello
 
 AT_LEAVE_M: Final = 0.08
-"""A robot that is at a place (`AT_ENTER_M`) is so until it is this far: localisation noise does not make it flicker."""
+"""Distance at which a robot leaves a place; larger than `AT_ENTER_M`, so that localisation noise causes no flicker."""
 
 HEARD: Final[Duration] = seconds(3)
-"""A peer is a neighbor while its last frame is younger; hellos come every 0.2 to 1 s."""
+"""Age of a peer's last frame up to which it is a neighbor; hellos come every 0.2 to 1 s."""
 CLAIM_KNOWN: Final[Duration] = seconds(15)
-"""How long a robot that says no more has the place that it took; where it stands it is in the way for ever."""
+"""Time for which a silent robot keeps the place that it has claimed; as an obstacle it stays for ever."""
 
 MOVED_M: Final = 0.015
-"""Hellos tell centimetres: who is nearer than this to where it was may stand."""
+"""Distance between two hellos below which the sender may have stood: positions in hellos are rounded to centimetres."""
 CLOSE_M: Final = 0.01
-"""Hulls nearer than this as good as touch."""
+"""Gap between two hulls below which they count as touching."""
 
 
 class Percept(NamedTuple):
@@ -69,7 +69,8 @@ class Localiser:
             self._initialise(sample)
             return
         if last is not None:
-            left, right = sample.left_m - last.left_m, sample.right_m - last.right_m
+            left = sample.left_m - last.left_m
+            right = sample.right_m - last.right_m
             self.travelled_m += abs(left + right) / 2
             ekf.predict(left, right, sample.gyro, (sample.stamp - last.stamp) / NS_PER_S)
         ekf.compass(sample.compass)
@@ -133,7 +134,8 @@ class Peers:
             self.known[robot] = Peer(now, rssi_dbm)
             self._ordered = False
         else:
-            peer.heard, peer.rssi_dbm = now, rssi_dbm
+            peer.heard = now
+            peer.rssi_dbm = rssi_dbm
 
     def in_order(self) -> dict[int, Peer]:
         """Return those known in order of their ids."""
@@ -149,15 +151,19 @@ class Peers:
         `said`: when the frame ended, if that is known; it may have waited to be read.
         """
         peer = self.known[robot]
-        old, dead = peer.hello, at - peer.hello_at > DEAD
+        old = peer.hello
+        dead = at - peer.hello_at > DEAD
         peer.sets_out = old is not None and max(abs(hello.x - old.x), abs(hello.y - old.y)) < MOVED_M
-        peer.hello, peer.hello_at, peer.driving = hello, at, driving
+        peer.hello = hello
+        peer.hello_at = at
+        peer.driving = driving
         if hello.stays:
             peer.stays_until = (at if said is None else min(at, said)) + STAYS
         if hello.parked and self._standing is not None and robot in self._standing:
             place = Point(hello.x, hello.y)
             if place != self._standing[robot]:
-                self._standing[robot], self._parked = place, None
+                self._standing[robot] = place
+                self._parked = None
         elif hello.parked or (old is not None and (old.parked or dead)):
             self._standing = None
         else:
@@ -186,7 +192,9 @@ class Peers:
     def standing(self, now: Instant) -> dict[int, Point]:
         """Return where the others stand, by robot, in order of their ids: those parked, and those dead."""
         if self._standing is None or now >= self._standing_until:
-            self._standing, self._standing_until, self._parked = {}, NEVER, None
+            self._standing = {}
+            self._standing_until = NEVER
+            self._parked = None
             for robot, peer in self.in_order().items():
                 hello = peer.hello
                 if hello is not None and (hello.parked or now - peer.hello_at > DEAD):
@@ -195,7 +203,7 @@ class Peers:
                     self._standing_until = min(self._standing_until, peer.hello_at + DEAD + 1)
         return self._standing
 
-    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[Known]:
+    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[ReportedState]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.
 
         Who sets out with its hull as good as at the robot's, of that `radius`, may not get away: it stands, until it
@@ -203,16 +211,18 @@ class Peers:
         """
         known = []
         for robot, peer in self.in_order().items():
-            hello, age = peer.hello, now - peer.hello_at
+            hello = peer.hello
+            age = now - peer.hello_at
             if hello is None or age > DEAD:
                 continue
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
-            if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
+            if silent or (abs(hello.x - pose.x) < HEARD_NEAR_M and abs(hello.y - pose.y) < HEARD_NEAR_M):
                 stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < 2.0 * radius + CLOSE_M
                 v = 0.0 if stands else hello.v
-                vx, vy = v * math.cos(hello.theta), v * math.sin(hello.theta)
-                known.append(Known(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
+                vx = v * math.cos(hello.theta)
+                vy = v * math.sin(hello.theta)
+                known.append(ReportedState(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:
@@ -240,7 +250,8 @@ def extent(area: Area) -> tuple[float, float, float, float]:
     """Return x0, y0, x1, y1 of a rectangle beyond which nobody stands in `area`: there most robots are."""
     if area.box is not None:
         return area.box
-    xs, ys = [x for x, _ in area.places], [y for _, y in area.places]
+    xs = [x for x, _ in area.places]
+    ys = [y for _, y in area.places]
     return min(xs) - AT_LEAVE_M, min(ys) - AT_LEAVE_M, max(xs) + AT_LEAVE_M, max(ys) + AT_LEAVE_M
 
 

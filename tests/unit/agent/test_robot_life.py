@@ -17,10 +17,10 @@ from rmr.radio.air import Announcement
 from rmr.radio.frame import DataFrame, encode_data
 from rmr.radio.phy import Bursts, airtime
 from rmr.radio.station import RadioConfig
-from rmr_agent import life as lives
+from rmr_agent import incarnation as lives
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, make_station, node_config
+from rmr_agent.incarnation import Incarnation, Outlets, make_station, node_config
 
 MS = NS_PER_MS
 FLOAT, INT, LIST = Type(Base.FLOAT), Type(Base.INT), Type(Base.LIST, element=Type(Base.FLOAT))
@@ -166,10 +166,10 @@ def live(monkeypatch, scene):
 
     async def play():
         clock, failures = LabClock(), []
-        silent = Sender(DeafAir(), lambda body: None)
+        silent = Outlets(DeafAir(), lambda body: None)
         config = node_config(1, known(), PROGRAM, 0)
         station = make_station(config, RADIO)
-        life = Life(config, Loaded(PROGRAM, 1), {}, station, clock, silent, failures.append)
+        life = Incarnation(config, Loaded(PROGRAM, 1), {}, station, clock, silent, failures.append)
         try:
             await scene(life, clock, life.node, failures)
         finally:

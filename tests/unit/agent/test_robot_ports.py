@@ -10,7 +10,7 @@ from rmr.radio.air import Announcement
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import airtime
 from rmr.radio.station import Station
-from rmr_agent.ports import AHEAD_MAX, FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
+from rmr_agent.bus_ports import AHEAD_MAX, FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
 
 MS = NS_PER_MS
 

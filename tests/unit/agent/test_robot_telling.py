@@ -3,8 +3,8 @@
 import asyncio
 
 from rmr.bus import wire
-from rmr.bus.parts import TooLargeError
-from rmr_agent.telling import Telling
+from rmr.bus.message_parts import TooLargeError
+from rmr_agent.status_publisher import StatusPublisher
 
 STATUS = wire.Status("running", "", False, False, 0, {})
 
@@ -30,7 +30,7 @@ def told(bus, *statuses, report):
     warnings = []
 
     async def tell():
-        telling = Telling(bus, warnings.append)
+        telling = StatusPublisher(bus, warnings.append)
         for status in statuses:
             await telling.tell("k", status, lambda: dict(report))
 

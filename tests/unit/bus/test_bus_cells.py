@@ -18,8 +18,8 @@ from rmr.bus.keys import Keys
 from rmr.radio.cells import Grid, grid_of, interference_range_m
 from rmr.radio.phy import RadioConfig
 from rmr.radio.station import Station
-from rmr_agent.air import LocalAir
-from rmr_agent.ports import RADIO_GRACE, RadioLink
+from rmr_agent.bus_ports import RADIO_GRACE, RadioLink
+from rmr_agent.local_air import LocalAir
 
 MS = NS_PER_MS
 KEYS = Keys("x")

@@ -6,7 +6,7 @@ import pytest
 from bus_star import on_a_star, until
 
 from rmr.bus import wire
-from rmr.bus.parts import HELD_OCTETS_MAX, TooLargeError, Unfinished, cut
+from rmr.bus.message_parts import HELD_OCTETS_MAX, TooLargeError, Unfinished, cut
 
 SIZE = wire.PART_OCTETS_MAX
 

@@ -32,7 +32,7 @@ from rmr.radio.frame import DataFrame, encode_data
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import airtime
 from rmr_agent.bytecode import Loaded
-from rmr_agent.robot import Carried, HostedRobot
+from rmr_agent.robot import HostedRobot, RobotSetup
 from rmr_deploy import disturb
 from rmr_deploy.lab_run import make_report
 from rmr_deploy.launch import RunOutcome
@@ -193,7 +193,9 @@ def hosted(process: Process, known: wire.Map) -> HostedRobot:
     program = compile_source((DASH / "dash.rmr").read_text()).program
     assert program is not None
     ending = Ending()
-    robot = HostedRobot(1, 1, process.bus, "tcp/127.0.0.1:1", "dash", Carried(Loaded(program, 1), dict, None), ending)
+    robot = HostedRobot(
+        1, 1, process.bus, "tcp/127.0.0.1:1", "dash", RobotSetup(Loaded(program, 1), dict, None), ending
+    )
     robot._listen()
     robot._begin(wire.Envelope(wire.WORLD_ID, 9, 1, known))
     return robot

@@ -11,10 +11,10 @@ from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr.node import ports
-from rmr.node.wire import Kind, Role
+from rmr.node.payloads import DeliveryRole, PayloadKind
 from rmr.radio.station import GRACE_MARGIN
+from rmr_agent.bus_ports import RADIO_GRACE
 from rmr_agent.clock import AHEAD_MAX
-from rmr_agent.ports import RADIO_GRACE
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import IDLE_SAMPLE_TICKS
 from rmr_world import server
@@ -39,7 +39,7 @@ def test_the_import_rules_are_those_that_are_held(rules):
 
 def test_the_ports_are_documented_with_their_calls():
     documented = {(codes(row[0])[0], codes(row[1])[0]) for row in table(PAGE, "port", "call", "means")}
-    protocols = {name: getattr(ports, name) for name in ("Link", "Body")}
+    protocols = {name: getattr(ports, name) for name in ("RadioPort", "BodyPort")}
     expected = {("Ports", "spent()"), ("Ports", "neighbors()")}
     for name, protocol in protocols.items():
         for method, function in inspect.getmembers(protocol, inspect.isfunction):
@@ -53,13 +53,13 @@ def test_the_kinds_of_payload_are_documented():
     rows = table(PAGE, "first octet of a payload", "code", "goes to")
     assert [row[:2] for row in rows] == [
         ("coordination", "0x01 to 0x0F"),
-        *((kind.name, f"0x{kind:02X}") for kind in Kind),
+        *((kind.name, f"0x{kind:02X}") for kind in PayloadKind),
     ]
 
 
 def test_the_roles_of_deliveries_are_documented():
     rows = table(PAGE, "delivery", "what it does there")
-    assert [role for row in rows for role in codes(row[0])] == [role.name for role in Role]
+    assert [role for row in rows for role in codes(row[0])] == [role.name for role in DeliveryRole]
 
 
 def test_the_executives_tasks_are_documented_in_order_of_priority():

@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import is_dataclass
@@ -15,8 +16,10 @@ from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, timing
 from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched
 from rmr.coord.timing import Timing
-from rmr.node.crossing import approach, turn, turns
-from rmr.node.motion import avoid, gate, route
+from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.crossing import approach, crossing, lateness, phases
+from rmr.node.motion import gate, route
+from rmr.node.motion.standoff import detector
 
 PAGE = page("coordination")
 PATH = Path(__file__).parents[3] / "docs" / "coordination.md"
@@ -143,8 +146,48 @@ def test_the_methods_of_ordering_bear_the_limits_of_the_code():
     assert f"beyond {insertion.KEYS_MAX} by deadline alone" in rows[2][1]
 
 
-def test_a_turn_goes_through_the_phases_named():
-    assert f"A turn goes\n{', '.join(phase.value for phase in turn.Phase)};" in PAGE
+def words(event: type | phases.OwnEvent) -> str:
+    """Return the name of an event or a phase in words."""
+    if isinstance(event, phases.OwnEvent):
+        return event.value
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", event.__name__).lower()
+
+
+def test_a_crossing_goes_through_the_phases_named():
+    assert f"A crossing goes\n{', '.join(words(phase) for phase in phases.Phase.__args__)};" in PAGE
+
+
+def test_the_transitions_of_a_crossing_are_those_of_the_code():
+    rows = table(section(PAGE, "How motion uses turns"), "from", "to", "on")
+    assert rows == [(words(phase), words(to), words(event)) for (phase, event), to in phases.TRANSITIONS.items()]
+
+
+def test_the_late_policies_are_those_of_the_code():
+    def after(policy: lateness.LatePolicy) -> str:
+        if policy.in_a_row > 1:
+            return f"{policy.in_a_row} in a row"
+        return f"{in_seconds(policy.after):g} s" if policy.after else "at once"
+
+    rows = table(PAGE, "symptom", "evidence", "after", "the leader hears")
+    assert rows == [
+        (symptom.value, policy.evidence, after(policy), policy.remedy.value)
+        for symptom, policy in lateness.POLICIES.items()
+    ]
+    back_off, most = in_seconds(lateness.BACK_OFF), in_seconds(lateness.BACK_OFF_MAX)
+    assert f"a release that is {back_off:g} s later, and {most:g} s the further times" in PAGE
+
+
+def test_the_evidence_of_the_late_policies_bears_the_figures_of_the_code():
+    figures = {
+        lateness.Symptom.RETRY_NEXT: f"within {in_seconds(lateness.NEAR_ENTRANCE):g} s of the line",
+        lateness.Symptom.DEFERRED: f"slot is {gate.PUT_OFF_S:g} s later",
+        lateness.Symptom.BLOCKING_ENTRANCE: f"not begin within {in_seconds(lateness.SLOT_IS_NEAR):g} s",
+        lateness.Symptom.POSTPONING: f"is {in_seconds(lateness.REVISE_FROM):g} s later",
+        lateness.Symptom.STUCK: f"within {lateness.PROGRESS_M * 100:g} cm",
+    }
+    assert all(figure in lateness.POLICIES[symptom].evidence for symptom, figure in figures.items())
+    changed = f"when {in_seconds(lateness.APPROACH_CHANGE):g} s nearer or farther"
+    assert changed in lateness.POLICIES[lateness.Symptom.DEFERRED].evidence
 
 
 def test_the_figures_of_motion_are_those_of_the_code():
@@ -153,15 +196,15 @@ def test_the_figures_of_motion_are_those_of_the_code():
         f"within {route.GATE_REACH_M * 100:.0f} cm of the gate's point",
         f"(2 radius + {approach.HEADWAY_MARGIN_M * 100:.0f} cm) / speed",
         f"+ {in_seconds(approach.ORDER_MARGIN):g} s, if that is more",
-        f"slot - approach - {in_seconds(turn.LEAVE_EARLY):g} s",
-        f"at the line within {in_seconds(turns.READY):g} s",
-        f"{in_seconds(turn.UNKNOWN_INSIDE):g} s if nothing is known",
+        f"slot - approach - {in_seconds(crossing.LEAVE_EARLY):g} s",
+        f"at the line within {in_seconds(lateness.READY):g} s",
+        f"{in_seconds(UNKNOWN_INSIDE):g} s if nothing is known",
         f"| {timing.EXCLUSIVE}: such turns exclude every other one |",
-        f"its front {gate.MARGIN_M * 100:.0f} cm before",
+        f"its front {gate.HOLD_MARGIN_M * 100:.0f} cm before",
         f"a margin of {gate.EARLY_S:g} s and a tenth of the time left",
     ):
         assert figure in text.replace("\n", " ")
     assert gate.EARLY_SHARE == 0.1  # "a tenth"
-    assert turns.REVISE_EVERY == 500 * NS_PER_MS  # "every half second"
-    longest = avoid.PATIENCE_S + 3 * avoid.PATIENCE_STEP_S
-    assert f"after {avoid.PATIENCE_S:g} to {longest:g} s of standing" in PAGE
+    assert crossing.POLL_EVERY == 500 * NS_PER_MS  # "every half second"
+    longest = detector.PATIENCE_S + 3 * detector.PATIENCE_STEP_S
+    assert f"after {detector.PATIENCE_S:g} to {longest:g} s of standing" in PAGE

@@ -7,7 +7,7 @@ from rmr.base.streams import stream
 from rmr.base.time import milliseconds, seconds
 from rmr.eval.eval_ether import HOPS_AT_ONCE_MAX, LATENCY, EvalEther
 from rmr.eval.topology import named
-from rmr.node import wire
+from rmr.node import payloads
 
 ROBOTS = dict.fromkeys((1, 2, 3, 4))
 SCHEDULE = b"\x02a schedule"
@@ -42,7 +42,7 @@ class Air:
 
 
 def fact(sequence, body=b"p(@1)"):
-    return wire.encode_fact_frames(7, 0, sequence, body)[0]
+    return payloads.encode_fact_frames(7, 0, sequence, body)[0]
 
 
 def test_a_frame_arrives_after_the_latency_and_not_before():
@@ -77,7 +77,7 @@ def test_a_robot_out_of_range_is_not_reached_and_the_frame_is_lost():
 
 def test_acknowledgements_travel_like_any_frame_and_are_not_counted():
     air = Air(loss=1.0)
-    air.send(1, wire.encode_ack(0, 0), 2)
+    air.send(1, payloads.encode_ack(0, 0), 2)
     air.kernel.run_until(seconds(1))
     assert air.heard(2) == []
     assert air.counts == (0, 0, 0, 0, 0)
@@ -133,7 +133,7 @@ def test_the_same_number_to_another_robot_is_no_repeat():
 
 def test_the_parts_of_one_fact_are_no_repeats_of_each_other():
     air = Air()
-    frames = wire.encode_fact_frames(7, 0, 0, b"x" * 300)
+    frames = payloads.encode_fact_frames(7, 0, 0, b"x" * 300)
     assert len(frames) == 3
     for frame in frames * 2:
         air.send(1, frame, 2)
@@ -143,15 +143,15 @@ def test_the_parts_of_one_fact_are_no_repeats_of_each_other():
 def test_equal_frames_without_a_number_are_repeats_for_each_receiver():
     air = Air()
     for _ in range(3):
-        air.send(2, wire.encode_failure(7, 0))
+        air.send(2, payloads.encode_failure(7, 0))
     assert air.counts[:4] == (6, 0, 0, 4)
 
 
-@pytest.mark.parametrize("awaited", [fact(0), wire.encode_failure(7, 0)])
+@pytest.mark.parametrize("awaited", [fact(0), payloads.encode_failure(7, 0)])
 def test_frames_that_matter_are_pending_until_they_arrive(awaited):
     air = Air()
     air.send(1, SCHEDULE)
-    air.send(1, wire.encode_ack(0, 0), 2)
+    air.send(1, payloads.encode_ack(0, 0), 2)
     assert air.ether.pending == 0
     air.send(1, awaited, 2)
     assert air.ether.pending == air.ether.carried == 1

@@ -23,7 +23,7 @@ from rmr.lang.explain import explained_rules as told_rules
 from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
 from rmr.lang.explain.texts import Spot
 from rmr.lang.lower import servers
-from rmr.node.wire import FACT_BODY_OCTETS_MAX, Delivery, Role, encode_delivery
+from rmr.node.payloads import FACT_BODY_OCTETS_MAX, Delivery, DeliveryRole, encode_delivery
 
 ROOT = Path(__file__).parents[3]
 HERE = Path(__file__).parent / "explain"
@@ -235,18 +235,18 @@ def test_the_octets_of_a_constant_are_those_that_it_takes_on_the_air(text: str) 
     [rule] = explained(f"p(R, @2). p(R, B) -o q(B, {text}).").rules
     [sent] = rule.head[0].derives
     symbols = {"middle": 0}
-    taken = len(encode_delivery(Delivery(Role.FACT, 0, (VALUES[text],)), symbols))
-    empty = len(encode_delivery(Delivery(Role.FACT, 0, ()), symbols))
+    taken = len(encode_delivery(Delivery(DeliveryRole.FACT, 0, (VALUES[text],)), symbols))
+    empty = len(encode_delivery(Delivery(DeliveryRole.FACT, 0, ()), symbols))
     assert (sent.octets_min, sent.octets_max) == (taken - empty, taken - empty)
 
 
 def test_a_frame_has_as_much_room_as_is_said() -> None:
     room = {
         role: FACT_BODY_OCTETS_MAX - len(encode_delivery(Delivery(role, 0, ()), {}))
-        for role in (Role.FACT, Role.ACTION)
+        for role in (DeliveryRole.FACT, DeliveryRole.ACTION)
     }
-    assert room[Role.FACT] == sizes.FACT_OCTETS_MAX
-    assert room[Role.ACTION] == sizes.FACT_OCTETS_MAX - told_rules.ACTION_OCTETS
+    assert room[DeliveryRole.FACT] == sizes.FACT_OCTETS_MAX
+    assert room[DeliveryRole.ACTION] == sizes.FACT_OCTETS_MAX - told_rules.ACTION_OCTETS
 
 
 @pytest.mark.parametrize(

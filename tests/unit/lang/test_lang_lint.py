@@ -6,11 +6,11 @@ from lang_source import codes, places
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, value_octets
 from rmr.lang.compiler import compile_source
-from rmr.node.wire import (
+from rmr.node.payloads import (
     FACT_BODY_OCTETS_MAX,
     PARTS_MAX,
     Delivery,
-    Role,
+    DeliveryRole,
     WireError,
     encode_delivery,
     encode_fact_frames,
@@ -177,9 +177,9 @@ def test_a_fact_for_another_robot_that_exceeds_one_delivery_is_an_error(letters,
 def test_the_bound_of_one_delivery_is_that_of_the_node():
     kind = Type(Base.STRING)
     fits, exceeds = ("x" * (DELIVERY_OCTETS_MAX - value_octets("", kind) + more) for more in (0, 1))
-    assert len(encode_fact_frames(0, 0, 0, encode_delivery(Delivery(Role.FACT, 0, (fits,)), {}))) == PARTS_MAX
+    assert len(encode_fact_frames(0, 0, 0, encode_delivery(Delivery(DeliveryRole.FACT, 0, (fits,)), {}))) == PARTS_MAX
     with pytest.raises(WireError):
-        encode_fact_frames(0, 0, 0, encode_delivery(Delivery(Role.FACT, 0, (exceeds,)), {}))
+        encode_fact_frames(0, 0, 0, encode_delivery(Delivery(DeliveryRole.FACT, 0, (exceeds,)), {}))
 
 
 def test_of_an_if_the_smaller_branch_decides_what_can_never_be_sent():
@@ -213,7 +213,7 @@ def test_an_effect_on_another_robot_that_exceeds_a_frame_is_doubted():
     ],
 )
 def test_values_take_what_they_take_in_a_frame(value, kind):
-    empty, full = (len(encode_delivery(Delivery(Role.FACT, 0, args), {})) for args in ((), (value,)))
+    empty, full = (len(encode_delivery(Delivery(DeliveryRole.FACT, 0, args), {})) for args in ((), (value,)))
     assert value_octets(value, kind) == full - empty
     assert FACT_BODY_OCTETS_MAX - empty == FACT_OCTETS_MAX
 

@@ -7,15 +7,18 @@ of discs or of a disc and an obstacle.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from random import Random
 
 from rmr.base.arena import Area, Arena, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hazards import UNRANKED, HazardScene
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
 ACCEL = 0.8
@@ -47,6 +50,20 @@ def testbed() -> Arena:
 
 
 TESTBED_STARTS = tuple(Pose(0.10, y, 0.0) for y in (0.15, 0.37, 0.59, 0.91, 1.13, 1.35))
+
+
+def limit_twist(twist: Twist, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bool] = UNRANKED) -> Twist:
+    """Return `twist` as the speed law allows it; `first`: whether the robot goes before a body that has a rank."""
+    switches = RuleSwitches()
+    around = HazardScene(testbed(), switches)
+    around.bodies = list(bodies)
+    around.remembered_from = around.heard_from = len(bodies)
+    around.ranked = first
+    return SpeedLaw(switches).slowed(around, twist)
+
+
+def safe_speed(v: float, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bool] = UNRANKED) -> float:
+    return limit_twist(Twist(v, 0.0), bodies, first).v
 
 
 def corridor() -> Arena:
@@ -247,7 +264,7 @@ class Stream:
         for body in self.order:
             pose, rank, parked = body.estimate, self.rank(body), body.nav.parked
             vx, vy = body.v * math.cos(pose.theta), body.v * math.sin(pose.theta)
-            known.append(Known(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
+            known.append(ReportedState(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
             if not parked:
                 driving.append(Heard(body.robot, pose, body.nav.goal, rank, bench.now))
         for body in self.order:

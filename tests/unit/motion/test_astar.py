@@ -11,12 +11,12 @@ from rmr.base.arena import Arena, Disc
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.grid_path import STEPS
 from rmr.node.motion.astar import plan, search
-from rmr.node.motion.grid import Grid, blocked_cells, discs_around, grid_of, segment_clearance
+from rmr.node.motion.grid import OccupancyGrid, blocked_cells, discs_around, grid_of, segment_clearance
 
 ROOM = Arena(1.5, 1.5, 0.05)
 
 
-def dijkstra(grid: Grid, blocked: bytearray, start: int, goal: int) -> float:
+def dijkstra(grid: OccupancyGrid, blocked: bytearray, start: int, goal: int) -> float:
     """Return the least cost by plain uniform-cost search over cell coordinates."""
     cost = {start: 0.0}
     queue = [(0.0, start)]
@@ -39,14 +39,14 @@ def dijkstra(grid: Grid, blocked: bytearray, start: int, goal: int) -> float:
     return math.inf
 
 
-def path_cost(grid: Grid, cells: list[int]) -> float:
+def path_cost(grid: OccupancyGrid, cells: list[int]) -> float:
     spots = [grid.cell_at(c) for c in cells]
     return sum(math.dist(a, b) for a, b in pairwise(spots))
 
 
 def test_a_path_costs_what_uniform_cost_search_finds_on_random_floors():
     rng = Random("1/floors")
-    grid = Grid(ROOM)
+    grid = OccupancyGrid(ROOM)
     found = 0
     for _ in range(40):
         blocked = bytearray(1 if c < 0 or rng.random() < 0.3 else 0 for c in grid.clear)
@@ -65,7 +65,7 @@ def test_a_path_costs_what_uniform_cost_search_finds_on_random_floors():
 
 def test_no_step_cuts_a_blocked_corner():
     rng = Random("2/floors")
-    grid = Grid(ROOM)
+    grid = OccupancyGrid(ROOM)
     for _ in range(20):
         blocked = bytearray(1 if c < 0 or rng.random() < 0.3 else 0 for c in grid.clear)
         free = [i for i, b in enumerate(blocked) if not b]

@@ -1,21 +1,15 @@
-"""The limiter by closing speed, the memory of bodies, and stand-offs."""
+"""Stop if dangerous by the closest point of approach, the memory of bodies, and the detector of deadlocks."""
 
 import math
+
+from bench import limit_twist, safe_speed
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Pose, Twist
 from rmr.base.time import seconds
-from rmr.node.motion.avoid import (
-    BACK_S,
-    EARLY_PATIENCE,
-    MEMORY_S,
-    StandOff,
-    Watch,
-    limit_twist,
-    safe_speed,
-    way_back_s,
-)
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.body_memory import MEMORY_S, BodyMemory
+from rmr.node.motion.hearing import ReportedState
+from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
 from rmr.node.ports import SeenBody
 
 RADIUS = 0.07
@@ -27,184 +21,172 @@ def body(x: float, y: float = 0.0, vx: float = 0.0, vy: float = 0.0) -> SeenBody
 
 
 def test_an_empty_view_leaves_the_command_alone():
-    assert limit_twist(Twist(FULL, 0.3), (), RADIUS) == Twist(FULL, 0.3)
+    assert limit_twist(Twist(FULL, 0.3), ()) == Twist(FULL, 0.3)
 
 
 def test_speed_falls_with_the_gap_to_a_standing_body_and_is_zero_at_the_end():
-    speeds = [safe_speed(FULL, [body(0.14 + gap)], RADIUS) for gap in (0.12, 0.06, 0.04, 0.02, 0.01)]
+    speeds = [safe_speed(FULL, [body(0.14 + gap)]) for gap in (0.12, 0.06, 0.04, 0.02, 0.01)]
     assert speeds[0] == FULL
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[-1] == 0.0
 
 
 def test_a_body_that_goes_ahead_at_the_same_speed_does_not_stop_the_robot():
-    assert safe_speed(FULL, [body(0.19, vx=FULL)], RADIUS) == FULL
+    assert safe_speed(FULL, [body(0.19, vx=FULL)]) == FULL
 
 
 def test_a_body_that_comes_from_behind_never_stops_the_robot():
-    assert safe_speed(FULL, [body(-0.16, vx=0.4)], RADIUS) == FULL
+    assert safe_speed(FULL, [body(-0.16, vx=0.4)]) == FULL
 
 
 def test_a_body_that_is_passed_with_room_does_not_stop_the_robot():
-    assert safe_speed(FULL, [body(0.15, 0.17)], RADIUS) == FULL
+    assert safe_speed(FULL, [body(0.15, 0.17)]) == FULL
 
 
 def test_a_body_that_is_passed_too_close_slows_the_robot():
-    assert safe_speed(FULL, [body(0.12, 0.12)], RADIUS) < FULL
+    assert safe_speed(FULL, [body(0.12, 0.12)]) < FULL
 
 
 def test_a_standing_body_that_going_on_brings_no_nearer_is_passed_slowly():
-    assert 0.0 < safe_speed(FULL, [body(0.01, 0.16)], RADIUS) < 0.05
-    assert safe_speed(FULL, [body(0.08, 0.14)], RADIUS) < 0.02
+    assert 0.0 < safe_speed(FULL, [body(0.01, 0.16)]) < 0.05
+    assert safe_speed(FULL, [body(0.08, 0.14)]) < 0.02
 
 
 def test_a_body_that_moves_out_of_the_way_may_stop_in_it():
-    assert safe_speed(FULL, [body(0.104, -0.115, vx=0.03, vy=-0.1)], RADIUS) < 0.15
+    assert safe_speed(FULL, [body(0.104, -0.115, vx=0.03, vy=-0.1)]) < 0.15
 
 
 def test_a_body_that_creeps_out_of_the_way_may_stop_in_it():
-    assert safe_speed(FULL, [body(0.065, -0.142, vx=-0.011, vy=-0.028)], RADIUS) < 0.03
+    assert safe_speed(FULL, [body(0.065, -0.142, vx=-0.011, vy=-0.028)]) < 0.03
 
 
 def test_touching_bodies_stop_the_robot_whatever_else_it_sees():
-    assert safe_speed(FULL, [body(0.4), body(0.142)], RADIUS) == 0.0
+    assert safe_speed(FULL, [body(0.4), body(0.142)]) == 0.0
 
 
 def test_an_arc_keeps_its_curvature_when_it_is_slowed():
-    slowed = limit_twist(Twist(FULL, 0.8), [body(0.18)], RADIUS)
+    slowed = limit_twist(Twist(FULL, 0.8), [body(0.18)])
     assert 0.0 < slowed.v < FULL
     assert math.isclose(slowed.w / slowed.v, 4.0)
 
 
 def test_a_moving_body_abeam_on_the_inner_side_of_a_turn_slows_the_robot():
     abeam = body(-0.005, 0.168, 0.04, -0.045)
-    assert limit_twist(Twist(FULL, 2.2), [abeam], RADIUS).v < 0.06
-    assert limit_twist(Twist(FULL, 0.0), [abeam], RADIUS).v == FULL
-    assert limit_twist(Twist(FULL, -2.2), [abeam], RADIUS).v == FULL
+    assert limit_twist(Twist(FULL, 2.2), [abeam]).v < 0.06
+    assert limit_twist(Twist(FULL, 0.0), [abeam]).v == FULL
+    assert limit_twist(Twist(FULL, -2.2), [abeam]).v == FULL
 
 
 def test_in_a_turn_too_the_later_in_the_order_slows_more():
     abeam = body(-0.005, 0.168, 0.04, -0.045)
-    later, earlier = (limit_twist(Twist(FULL, 2.2), [abeam], RADIUS, {abeam: first}).v for first in (False, True))
+    later, earlier = (limit_twist(Twist(FULL, 2.2), [abeam], {abeam: first}).v for first in (False, True))
     assert later < earlier
 
 
 def test_turning_in_place_and_driving_back_are_not_limited():
     near = [body(0.145)]
-    assert limit_twist(Twist(0.0, 2.0), near, RADIUS) == Twist(0.0, 2.0)
-    assert limit_twist(Twist(-0.1, 0.0), near, RADIUS) == Twist(-0.1, 0.0)
+    assert limit_twist(Twist(0.0, 2.0), near) == Twist(0.0, 2.0)
+    assert limit_twist(Twist(-0.1, 0.0), near) == Twist(-0.1, 0.0)
 
 
 def test_of_two_that_cross_the_one_with_the_other_on_its_right_slows_more():
-    from_right = safe_speed(FULL, [body(0.15, -0.12, 0.0, 0.2)], RADIUS)
-    from_left = safe_speed(FULL, [body(0.15, 0.12, 0.0, -0.2)], RADIUS)
+    from_right = safe_speed(FULL, [body(0.15, -0.12, 0.0, 0.2)])
+    from_left = safe_speed(FULL, [body(0.15, 0.12, 0.0, -0.2)])
     assert from_right < from_left
 
 
 def test_of_two_that_cross_the_later_in_the_order_slows_more_whichever_side_it_comes_from():
     for other in (body(0.15, -0.12, 0.0, 0.2), body(0.15, 0.12, 0.0, -0.2)):
-        goes_first = safe_speed(FULL, [other], RADIUS, {other: True})
-        assert 0.0 < safe_speed(FULL, [other], RADIUS, {other: False}) < 0.5 * goes_first
+        goes_first = safe_speed(FULL, [other], {other: True})
+        assert 0.0 < safe_speed(FULL, [other], {other: False}) < 0.5 * goes_first
 
 
 def test_who_goes_first_stops_all_the_same_for_one_that_does_not_give_way():
     other = body(0.11, -0.09, 0.0, 0.2)
-    assert safe_speed(FULL, [other], RADIUS, {other: True}) == 0.0
+    assert safe_speed(FULL, [other], {other: True}) == 0.0
 
 
 def test_a_slow_approach_stops_as_well_as_a_fast_one():
-    assert safe_speed(0.03, [body(0.142)], RADIUS) == 0.0
+    assert safe_speed(0.03, [body(0.142)]) == 0.0
 
 
 def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
-    watch = Watch(RobotShape())
-    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
-    (seen,) = watch.update(seconds(0.2), Pose(0.0, 0.0, math.radians(80)), ())
+    memory = BodyMemory(RobotShape())
+    memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
+    (seen,) = memory.update(seconds(0.2), Pose(0.0, 0.0, math.radians(80)), ())
     assert math.isclose(math.hypot(seen.x, seen.y), 0.2)
     assert seen.y < -0.15
-    assert not watch.update(seconds(0.1 + MEMORY_S), Pose(0.0, 0.0, math.radians(80)), ())
+    assert not memory.update(seconds(0.1 + MEMORY_S), Pose(0.0, 0.0, math.radians(80)), ())
 
 
 def test_a_body_that_crept_is_remembered_where_it_would_be_and_where_it_was_for_it_may_have_stopped():
-    watch = Watch(RobotShape())
-    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.08, 0.0)])
+    memory = BodyMemory(RobotShape())
+    memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.08, 0.0)])
     aside = Pose(0.0, 0.0, math.radians(80))
-    ways = sorted(math.hypot(seen.x, seen.y) for seen in watch.update(seconds(0.5), aside, ()))
+    ways = sorted(math.hypot(seen.x, seen.y) for seen in memory.update(seconds(0.5), aside, ()))
     assert [round(way, 3) for way in ways] == [0.2, 0.24]
 
 
 def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
-    watch = Watch(RobotShape())
-    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
-    assert not watch.update(seconds(0.1), Pose(0.0, 0.0, 0.0), ())
+    memory = BodyMemory(RobotShape())
+    memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
+    assert not memory.update(seconds(0.1), Pose(0.0, 0.0, 0.0), ())
 
 
 def test_a_remembered_body_is_forgotten_when_its_robot_says_where_it_is():
     aside, later = Pose(0.0, 0.0, math.radians(80)), seconds(0.2)
     for robot_says, remembered in (
-        (Known(2, 0.2, 0.03, 0.0, 0.0, later, False, False), 0),
-        (Known(2, 0.2, 0.03, 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
-        (Known(3, 0.2, 0.18, 0.0, 0.0, later, False, False), 1),  # another one
+        (ReportedState(2, 0.2, 0.03, 0.0, 0.0, later, False, False), 0),
+        (ReportedState(2, 0.2, 0.03, 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
+        (ReportedState(3, 0.2, 0.18, 0.0, 0.0, later, False, False), 1),  # another one
     ):
-        watch = Watch(RobotShape())
-        watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.2)])
-        assert len(watch.update(later, aside, (), [robot_says])) == remembered
+        memory = BodyMemory(RobotShape())
+        memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.2)])
+        assert len(memory.update(later, aside, (), [robot_says])) == remembered
 
 
 def test_a_moving_body_is_remembered_where_it_would_be_now():
-    watch = Watch(RobotShape())
-    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.4)])
-    (seen,) = watch.update(seconds(0.5), Pose(0.0, 0.0, 0.0), ())
+    memory = BodyMemory(RobotShape())
+    memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.4)])
+    (seen,) = memory.update(seconds(0.5), Pose(0.0, 0.0, 0.0), ())
     assert math.isclose(seen.y, 0.2)
 
 
-def test_a_stand_off_begins_when_patience_is_over_and_not_while_the_robot_moves():
-    stand_off = StandOff(robot=0)
+def test_a_deadlock_begins_when_patience_is_over_and_not_while_the_robot_moves():
+    detector = DeadlockDetector(robot=0)
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
-    assert not stand_off.blocked(0, wish, stopped)
-    assert not stand_off.blocked(seconds(0.5), wish, wish)
-    assert not stand_off.blocked(seconds(0.6), wish, stopped)
-    assert not stand_off.blocked(seconds(1.2), wish, stopped)
-    assert stand_off.blocked(seconds(1.4), wish, stopped)
+    assert not detector.blocked(0, wish, stopped)
+    assert not detector.blocked(seconds(0.5), wish, wish)
+    assert not detector.blocked(seconds(0.6), wish, stopped)
+    assert not detector.blocked(seconds(1.2), wish, stopped)
+    assert detector.blocked(seconds(1.4), wish, stopped)
 
 
-def test_turning_to_the_way_out_of_a_stand_off_is_no_standing_before_another():
-    stand_off = StandOff(robot=0)
+def test_turning_to_the_way_out_of_a_deadlock_is_no_standing_before_another():
+    detector = DeadlockDetector(robot=0)
     wish, stopped, turning = Twist(FULL, 0.0), Twist(0.0, 0.0), Twist(0.0, 3.0)
-    assert not stand_off.blocked(0, wish, stopped)
-    assert stand_off.blocked(seconds(0.8), wish, stopped)
-    assert not stand_off.blocked(seconds(1.7), turning, turning)
-    assert not stand_off.blocked(seconds(1.8), wish, stopped)  # patience begins anew
-    assert stand_off.blocked(seconds(2.6), wish, stopped)
+    assert not detector.blocked(0, wish, stopped)
+    assert detector.blocked(seconds(0.8), wish, stopped)
+    assert not detector.blocked(seconds(1.7), turning, turning)
+    assert not detector.blocked(seconds(1.8), wish, stopped)  # patience begins anew
+    assert detector.blocked(seconds(2.6), wish, stopped)
 
 
 def test_before_the_own_slot_patience_lasts_longer_for_standing_is_in_order():
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
     for more, after_s in ((0, 0.8), (EARLY_PATIENCE, 3.8)):
-        stand_off = StandOff(robot=0)
-        assert not stand_off.blocked(0, wish, stopped, more)
-        assert not stand_off.blocked(seconds(after_s - 0.2), wish, stopped, more)
-        assert stand_off.blocked(seconds(after_s), wish, stopped, more)
-
-
-def test_where_there_is_no_way_around_the_way_back_is_twice_as_long():
-    assert [way_back_s(tries, True, None) for tries in (1, 2, 3)] == [BACK_S, BACK_S, 2.0 * BACK_S]
-    assert way_back_s(1, False, None) == 2.0 * BACK_S
-
-
-def test_head_to_head_in_a_bottleneck_one_way_gives_way_ever_farther_and_the_other_stays():
-    ways = [way_back_s(tries, False, 1) for tries in range(1, 9)]
-    assert ways == sorted(ways)
-    assert ways[0] < ways[3] < ways[-1] == ways[-2]
-    assert {way_back_s(tries, False, 0) for tries in range(1, 9)} == {0.0}
+        detector = DeadlockDetector(robot=0)
+        assert not detector.blocked(0, wish, stopped, more)
+        assert not detector.blocked(seconds(after_s - 0.2), wish, stopped, more)
+        assert detector.blocked(seconds(after_s), wish, stopped, more)
 
 
 def test_robots_differ_in_patience():
     times = []
     for robot in range(4):
-        stand_off = StandOff(robot)
+        detector = DeadlockDetector(robot)
         now = 0
-        while not stand_off.blocked(now, Twist(FULL, 0.0), Twist(0.0, 0.0)):
+        while not detector.blocked(now, Twist(FULL, 0.0), Twist(0.0, 0.0)):
             now += seconds(0.01)
         times.append(now)
     assert len({*times}) == 4
@@ -212,12 +194,12 @@ def test_robots_differ_in_patience():
 
 def test_a_detour_takes_the_other_to_be_further_left_so_that_both_pass_on_the_right():
     for theta in (0.0, math.pi / 2, math.pi):
-        stand_off = StandOff(1)
+        detector = DeadlockDetector(1)
         ahead = (0.2 * math.cos(theta), 0.2 * math.sin(theta))
-        watch = Watch(RobotShape())
-        watch.update(0, Pose(0.0, 0.0, theta), [body(0.2)])
-        stand_off.mark(0, Pose(0.0, 0.0, theta), watch.places(0), RADIUS)
-        body_itself, ghost = stand_off.ghosts
+        memory = BodyMemory(RobotShape())
+        memory.update(0, Pose(0.0, 0.0, theta), [body(0.2)])
+        detector.mark(0, Pose(0.0, 0.0, theta), memory.places(0), RADIUS)
+        body_itself, ghost = detector.ghosts
         assert math.dist(body_itself, ahead) < 1e-9
         left = -math.sin(theta) * (ghost.x - ahead[0]) + math.cos(theta) * (ghost.y - ahead[1])
         assert left > 0.02

@@ -4,7 +4,7 @@ import pytest
 
 from rmr.base.arena import Arena, Disc, Polygon
 from rmr.base.geometry import Point
-from rmr.node.motion.barred import robots_named, what_bars
+from rmr.node.motion.obstruction import robots_named, what_bars
 
 WALL = Polygon((Point(1.0, 0.0), Point(1.1, 0.0), Point(1.1, 1.0), Point(1.0, 1.0)))
 OPEN, PARTED = Arena(2.0, 1.0, 0.05), Arena(2.0, 1.0, 0.05, obstacles=(WALL,))

@@ -10,11 +10,15 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
-from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
-from rmr.node.motion.avoid import ENDURED, StandOff
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.observer import inside
+from rmr.node.crossing.phases import Inside
+from rmr.node.crossing.situation import CrossingPlan, Withdraw
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.standoff.detector import ENDURED, DeadlockDetector
+from rmr.node.motion.standoff.escapes import back_out, retreat_until
+from rmr.node.motion.standoff.refuge import Side, paths_of, retreat_route, side_of
 from rmr.node.ports import SeenBody
 from rmr.vm.job import TimedJob
 
@@ -30,10 +34,10 @@ RADIUS = ARENA.shape.radius
 START, GOAL, OTHER = Point(1.04, 0.73), Point(2.55, 0.15), Point(0.985, 0.578)
 
 
-def test_a_walk_away_ends_on_free_floor_before_the_bottleneck():
+def test_a_retreat_ends_on_free_floor_before_the_bottleneck():
     ends = []
     for tries in range(1, 9):
-        route = walk_away(ARENA, START, GOAL, [OTHER], 1, tries)
+        route = retreat_route(ARENA, START, GOAL, [OTHER], 1, tries)
         assert route is not None
         end = route.points[-1]
         assert side_of(ARENA, end, GOAL) is Side.BEFORE
@@ -44,23 +48,23 @@ def test_a_walk_away_ends_on_free_floor_before_the_bottleneck():
 
 def test_each_robot_and_each_try_has_a_way_and_a_time_of_its_own():
     ways = {
-        (robot, tries): walk_away(ARENA, Point(0.6, 0.75), GOAL, [], robot, tries)
+        (robot, tries): retreat_route(ARENA, Point(0.6, 0.75), GOAL, [], robot, tries)
         for robot in (1, 2)
         for tries in (1, 2)
     }
     assert all(a.points[-1] != b.points[-1] for a, b in combinations(ways.values(), 2))
-    assert len({stay(0, robot, tries) for robot, tries in ways}) == 4
-    assert len({retreat(robot, 1) for robot in range(1, 9)}) == 2
+    assert len({retreat_until(0, robot, tries) for robot, tries in ways}) == 4
+    assert len({back_out(robot, 1) for robot in range(1, 9)}) == 2
 
 
 def test_a_robot_that_is_walled_in_finds_no_way():
     around = [Point(0.6 + 0.16 * math.cos(a), 0.75 + 0.16 * math.sin(a)) for a in (0.0, 1.05, 2.1, 3.14, 4.2, 5.25)]
-    assert walk_away(ARENA, Point(0.6, 0.75), GOAL, around, 1, 1) is None
+    assert retreat_route(ARENA, Point(0.6, 0.75), GOAL, around, 1, 1) is None
 
 
 def test_a_stand_off_endures_only_where_the_robot_stays():
     here, there = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0)
-    stays, moves = StandOff(1), StandOff(1)
+    stays, moves = DeadlockDetector(1), DeadlockDetector(1)
     assert not stays.endures(0, here, walks=False)
     assert stays.endures(ENDURED, here, walks=False)
     assert stays.endures(ENDURED + seconds(1), there, walks=True)
@@ -83,8 +87,9 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     assert navigator.aside is walks
     assert navigator.passed_gate is not walks
     job = TimedJob(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
-    inside = Turn(job, b"e", 0, None, phase=Phase.INSIDE, entered_at=now)
-    assert gets_nowhere(now, inside, navigator) is walks, "others wait for a turn that is not used"
+    crossing = Crossing(job, b"group.", 0, None, Inside(now, None), CrossingPlan(gated=True), entered_at=now)
+    gives_up = Withdraw() in crossing.step(now, inside(navigator, crossing, at, None))
+    assert gives_up is walks, "others wait for an entry that is not used"
 
 
 @pytest.mark.parametrize("seen", [Pose(1.91, 0.69, -1.3), Pose(1.86, 0.86, -2.1)])
@@ -115,28 +120,28 @@ def test_who_is_inside_with_its_turn_waits_for_nobody_that_stands_in_the_mouth_b
     assert speed > 0.1
 
 
-def test_a_walk_away_ends_off_the_ways_of_others_where_it_can():
+def test_a_retreat_ends_off_the_ways_of_others_where_it_can():
     floor = Arena(3.0, 1.5, 0.05, (), ())
     here, wide = Point(1.5, 0.75), 2.0 * floor.shape.radius
     other = Heard(2, Pose(1.2, 0.2, 0.0), Point(1.2, 1.3), 0, 0)
-    ways = ways_of(floor, here, [other], ())
+    ways = paths_of(floor, here, [other], ())
     assert [way.points[-1] for way in ways] == [other.goal]
     runs = [(robot, tries) for robot in range(1, 9) for tries in (1, 2)]
     for one, hinders in (((), True), (ways, False)):
-        ends = [walk_away(floor, here, Point(2.8, 0.75), (), robot, tries, one) for robot, tries in runs]
+        ends = [retreat_route(floor, here, Point(2.8, 0.75), (), robot, tries, one) for robot, tries in runs]
         assert any(end is not None and abs(end.points[-1].x - 1.2) < wide for end in ends) is hinders
     turns = [math.radians(degrees) for degrees in range(-120, 121, 15)]
     walled = [Point(here.x + 0.28 * math.cos(turn), here.y + 0.28 * math.sin(turn)) for turn in turns]
-    farther = walk_away(floor, here, Point(2.8, 0.75), walled, 1, 1, ways)
+    farther = retreat_route(floor, here, Point(2.8, 0.75), walled, 1, 1, ways)
     assert farther is not None
     assert math.dist(farther.points[-1], here) > 0.3
     assert abs(farther.points[-1].x - 1.2) >= wide
 
 
-def test_a_walk_away_ends_on_a_way_of_others_where_there_is_nothing_else():
+def test_a_retreat_ends_on_a_way_of_others_where_there_is_nothing_else():
     lane, here = Arena(3.0, 0.3, 0.05, (), ()), Point(1.5, 0.15)
-    ways = ways_of(lane, here, [Heard(2, Pose(0.9, 0.15, 0.0), Point(2.9, 0.15), 0, 0)], ())
-    away = walk_away(lane, here, Point(0.2, 0.15), (), 1, 1, ways)
+    ways = paths_of(lane, here, [Heard(2, Pose(0.9, 0.15, 0.0), Point(2.9, 0.15), 0, 0)], ())
+    away = retreat_route(lane, here, Point(0.2, 0.15), (), 1, 1, ways)
     assert ways
     assert away is not None
     assert math.dist(away.points[-1], here) > 0.2
@@ -146,11 +151,11 @@ def test_only_those_near_that_say_where_they_go_have_ways():
     floor, here = Arena(3.0, 1.5, 0.05, (), ()), Point(0.5, 0.75)
     far = Heard(2, Pose(2.5, 0.2, 0.0), Point(1.2, 1.3), 0, 0)
     silent = Heard(3, Pose(0.8, 0.2, 0.0), None, 0, 0)
-    assert ways_of(floor, here, [far, silent], ()) == []
+    assert paths_of(floor, here, [far, silent], ()) == []
 
 
 def test_of_a_crowd_the_ways_of_the_nearest_count():
     floor, here = Arena(3.0, 1.5, 0.05, (), ()), Point(0.5, 0.75)
     crowd = [Heard(robot, Pose(1.4 - 0.05 * robot, 0.75, 0.0), Point(2.8, 0.75), 0, 0) for robot in range(1, 13)]
-    ways = ways_of(floor, here, crowd, ())
+    ways = paths_of(floor, here, crowd, ())
     assert [way.points[0].x for way in ways] == [pytest.approx(1.4 - 0.05 * robot) for robot in range(12, 4, -1)]

@@ -10,10 +10,10 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.grid_path import GridPath
 from rmr.base.time import seconds
 from rmr.node.crossing.approach import Approach, departures
-from rmr.node.motion.aside import aside
-from rmr.node.motion.gate import PUT_OFF_S, Gate
+from rmr.node.motion.gate import PUT_OFF_S, EntryGate
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import follower_route, leader_route
+from rmr.node.motion.standoff.refuge import yield_spot
 
 MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))
 LEFT, RIGHT = Point(0.45, 0.15), Point(2.55, 1.35)
@@ -55,14 +55,14 @@ def test_a_robot_is_clear_when_its_hull_is_out_of_the_other_mouth():
 
 def test_who_waits_leaves_room_for_who_comes_out():
     route = through(LEFT, RIGHT)
-    gate = Gate(TWOWAY.shape, holding=False)
-    assert math.dist(route.point(gate.stop_m(route)), MOUTHS[0]) > 3.0 * RADIUS
+    gate = EntryGate(TWOWAY.shape, holding=False)
+    assert math.dist(route.point(gate.hold_line_m(route)), MOUTHS[0]) > 3.0 * RADIUS
 
 
 def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
     for start, blocks in ((Point(1.81, 0.76), True), (Point(2.3, 0.9), False)):
         route = through(start, LEFT)
-        gate = Gate(TWOWAY.shape, holding=True)
+        gate = EntryGate(TWOWAY.shape, holding=True)
         assert not gate.blocks(0, route, 0.0)  # it may be just about to drive on
         assert gate.blocks(seconds(3), route, 0.0) is blocks
         gate.opened = True
@@ -72,7 +72,7 @@ def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
 @pytest.mark.parametrize(("opened", "passes"), [(False, False), (True, True)])
 def test_a_step_to_and_fro_in_the_room_before_the_mouth_is_no_entry_without_a_turn(opened: bool, passes: bool):
     route = through(Point(1.93, 0.97), LEFT)  # a robot that stepped aside, nearer to the mouth than where it may wait
-    gate = Gate(TWOWAY.shape, holding=False)
+    gate = EntryGate(TWOWAY.shape, holding=False)
     gate.opened = opened
     gate.locate(route, 0.03, arrived=False)
     assert gate.passed is passes
@@ -81,7 +81,7 @@ def test_a_step_to_and_fro_in_the_room_before_the_mouth_is_no_entry_without_a_tu
 
 def test_who_is_in_the_bottleneck_without_a_turn_drives_out():
     route = through(Point(1.93, 0.97), LEFT)
-    gate = Gate(TWOWAY.shape, holding=False)
+    gate = EntryGate(TWOWAY.shape, holding=False)
     assert route.gate_m is not None
     gate.locate(route, route.gate_m + RADIUS + 0.03, arrived=False)
     assert gate.passed
@@ -94,14 +94,14 @@ def test_who_waits_right_before_one_that_stands_in_the_mouth_is_in_its_way():
         (Point(1.83, 0.90), False),  # it passes aside
         (Point(2.20, 0.80), False),  # it waits, too
     ):
-        gate = Gate(TWOWAY.shape, holding=False)
+        gate = EntryGate(TWOWAY.shape, holding=False)
         assert not gate.blocks(0, route, 0.0, [stands])  # that one may be just about to drive on
         assert gate.blocks(seconds(3), route, 0.0, [stands]) is blocks
 
 
 def test_out_of_the_mouth_there_is_room_aside_even_next_to_one_that_waits():
     mouth, other = MOUTHS[1], Point(1.97, 0.99)
-    spot = aside(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
+    spot = yield_spot(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
     assert spot is not None
     assert spot.x > mouth.x
     assert math.dist(spot, mouth) > 0.27
@@ -160,8 +160,8 @@ def test_departures_are_measured_from_the_mouth_of_the_way():
 
 def test_who_is_put_off_on_its_way_stands_and_leaves_when_it_is_just_in_time():
     route = through(Point(2.6, 0.9), LEFT)
-    gate = Gate(TWOWAY.shape, holding=False)
-    drive = seconds(gate.line_m(route) / TWOWAY.shape.speed)
+    gate = EntryGate(TWOWAY.shape, holding=False)
+    drive = seconds(gate.commit_line_m(route) / TWOWAY.shape.speed)
     gate.opens_at = drive + seconds(PUT_OFF_S - 0.1)
     assert gate.limit(0, route, 0.0) > 0.0
     gate.opens_at = drive + seconds(PUT_OFF_S + 0.1)

@@ -10,10 +10,10 @@ import pytest
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
-from rmr.node.motion.avoid import ENDURED
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.standoff.detector import ENDURED
 from rmr.node.ports import SeenBody
 
 ROOM = Arena(1.5, 1.5, 0.05)
@@ -208,7 +208,7 @@ def test_driving_by_hand_still_stops_if_dangerous():
 @pytest.mark.parametrize(("w", "slowed"), [(2.2, True), (0.0, False), (-2.2, False)], ids=["left", "straight", "right"])
 def test_a_robot_that_turns_slows_for_one_abeam_on_its_left_that_it_hears_but_does_not_see(w: float, slowed: bool):
     nav, pose = Navigator(ROOM, 1), Pose(0.5, 0.5, 0.0)
-    nav.hearing.update(pose, [Known(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
+    nav.hearing.update(pose, [ReportedState(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
     nav.drive(0.2, w)
     assert (nav.step(0, pose, 0.01, (), False).v < 0.06) is slowed
 
@@ -253,7 +253,7 @@ def test_a_step_costs_microseconds():
 
 
 @pytest.mark.parametrize("gated", [True, False])
-def test_a_robot_steps_aside_for_one_on_its_goal_but_leaves_the_way_through_its_gate_only_to_walk_away(gated: bool):
+def test_a_robot_yields_to_one_on_its_goal_but_leaves_the_way_through_its_gate_only_to_retreat(gated: bool):
     navigator = Navigator(bench.testbed(), 1)
     start, goal = Pose(0.25, 0.75, 0.0), Point(1.38, 0.36)
     navigator.go(0, start, goal, through_gate=gated)
@@ -270,12 +270,12 @@ def test_a_robot_steps_aside_for_one_on_its_goal_but_leaves_the_way_through_its_
         return found
 
     assert gates(0, ENDURED) == ({(True, True)} if gated else {(True, False), (False, False)})
-    assert navigator.replans > 3, "it never was in a stand-off"
+    assert navigator.replans > 3, "it never was in a deadlock"
     assert (False, False) in gates(ENDURED, 2 * ENDURED), "it seeks for ever a way out where there is none"
     assert not navigator.passed_gate
 
 
-def test_who_has_stepped_aside_and_finds_no_way_back_does_not_wait_for_ever():
+def test_a_robot_that_has_yielded_and_finds_no_way_back_retreats():
     navigator = Navigator(bench.testbed(), 1)
     start, goal = Pose(0.25, 0.75, 0.0), Point(1.38, 0.36)
     barred = [Point(0.55, 0.7), Point(0.55, 0.82)]  # by others that stand aside as well, and wait
@@ -294,4 +294,4 @@ def test_who_has_stepped_aside_and_finds_no_way_back_does_not_wait_for_ever():
     (spot,) = ends(0, 5) - {goal}
     navigator.update_parked(barred)
     assert ends(5, in_seconds(ENDURED)) == {spot}
-    assert not ends(in_seconds(ENDURED) + 2, in_seconds(ENDURED) + 3) & {spot, goal}, "it has not walked away"
+    assert not ends(in_seconds(ENDURED) + 2, in_seconds(ENDURED) + 3) & {spot, goal}, "it has not retreated"

@@ -41,9 +41,9 @@ def test_it_overtakes_one_that_still_stands_there_long_after_its_own_slot_has_be
     queue = Queueing()
     for now in (0, OPENS, OPENS + seconds(0.1), OPENS + OVERTAKE):
         assert waits(queue, now, FIRST)
-        assert not queue.overtakes
+        assert not queue.late
     waits(queue, OPENS + OVERTAKE + seconds(0.2), FIRST)
-    assert queue.overtakes
+    assert queue.late
 
 
 def test_one_that_leaves_in_between_is_waited_for_anew():
@@ -52,7 +52,7 @@ def test_one_that_leaves_in_between_is_waited_for_anew():
     assert not waits(queue, OPENS + seconds(3))
     assert waits(queue, OPENS + seconds(3.1), FIRST)
     waits(queue, OPENS + OVERTAKE + seconds(0.2), FIRST)
-    assert not queue.overtakes
+    assert not queue.late
 
 
 def test_who_may_enter_drives_around_one_that_still_stands_before_it():

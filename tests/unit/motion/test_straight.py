@@ -9,7 +9,7 @@ import pytest
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
-from rmr.node.motion.straight import Straight
+from rmr.node.motion.straight_drive import Straight
 
 SHAPE = RobotShape()
 TICK = NS_PER_S // TICK_HZ

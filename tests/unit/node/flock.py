@@ -15,9 +15,9 @@ from rmr.lang.compiler import compile_source
 from rmr.node.actions.dispatcher import ActionFailed, Handler, RobotHandle
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
+from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Confirmed, Ports, Received
-from rmr.node.trace import Level
-from rmr.node.wire import PAYLOAD_OCTETS_MAX
+from rmr.node.trace import TraceLevel
 
 LATENCY = milliseconds(5)
 
@@ -87,7 +87,7 @@ class Flock:
         failing: Sequence[str] = (),
         passes: Passes = lambda *_: True,
         debug: bool = True,
-        trace: Level = Level.FACTS,
+        trace: TraceLevel = TraceLevel.FACTS,
         roster: Sequence[int] = (),
         epoch: int = 0,
         **ports: Any,

@@ -14,12 +14,12 @@ from rmr.node.actions.dispatcher import (
     Handler,
     Pause,
     RobotHandle,
-    Running,
+    RunningAction,
 )
 from rmr.node.actions.handle import wait
 
 
-class Turn:
+class Permit:
     open = False
 
     def released(self, now: int) -> bool:
@@ -49,10 +49,10 @@ class FakeNode:
     def halt(self):
         self.halts += 1
 
-    def derive(self, name: str, *args, turn=None) -> None:
+    def derive(self, name: str, *args, permit=None) -> None:
         self.serial += 1
         handler = self.handlers[name]
-        self.running = Running(self.serial, name, args, handler, turn)
+        self.running = RunningAction(self.serial, name, args, handler, permit)
         self.dispatcher.derive(self.now, self.running)
 
     def step(self, at_s: float) -> None:
@@ -98,12 +98,12 @@ def test_stop_does_not_wait_and_fails_what_was_driving():
 
 def test_an_action_waits_for_its_turn_without_keeping_others_from_the_wheels():
     node = FakeNode(a=wheels("a"), b=wheels("b"))
-    turn = Turn()
-    node.derive("a", 1.0, turn=turn)
+    permit = Permit()
+    node.derive("a", 1.0, permit=permit)
     node.derive("b", 1.0)
     node.step(1.0)
     assert node.ended == [("b", None)]
-    turn.open = True
+    permit.open = True
     node.step(1.5)
     node.step(2.5)
     assert node.ended == [("b", None), ("a", None)]

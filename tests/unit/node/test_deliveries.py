@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.logic.exchange import TIME_TO_LIVE, Outcome
+from rmr.node.payloads import Delivery, DeliveryRole, PayloadKind
 from rmr.node.ports import Received
-from rmr.node.wire import Delivery, Kind, Role
 
 ERRAND = """
     type action fetch(R: robot, B: robot) -o has(R, B) else lost(R).
@@ -38,9 +38,9 @@ def errand(executor: str = "@2", **options: object) -> Flock:
 def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: int = 900) -> None:
     """Let `robot` hear a delivery as if `source` had sent it."""
     node = flock.node(robot)
-    body = wire.encode_delivery(delivery, {})
-    for payload in wire.encode_fact_frames(node.talk.digest, 0, sequence, body):
-        node.talk.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
+    body = payloads.encode_delivery(delivery, {})
+    for payload in payloads.encode_fact_frames(node.state.digest, 0, sequence, body):
+        node.messenger.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
     flock.robots[robot].alarm.set(flock.kernel.now)
     flock.busy[robot] = True
 
@@ -76,7 +76,7 @@ def test_a_chain_ends_when_its_action_has_outlived_its_time_and_not_before():
     flock.run()
     assert flock.kernel.now >= TIME_TO_LIVE
     assert flock.facts(1) == []
-    assert flock.node(1).talk.deliveries.undelivered == 1
+    assert flock.node(1).messenger.deliveries.undelivered == 1
     assert not flock.node(1).machine.complete(flock.kernel.now, 1, True), "nobody waits for the action any more"
 
 
@@ -92,14 +92,14 @@ def test_an_action_that_does_not_fit_is_refused_and_its_sender_told():
     flock = errand().run()
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 2, Delivery(Role.ACTION, fetch, (3,), 77), source=1)
+    tell(flock, 2, Delivery(DeliveryRole.ACTION, fetch, (3,), 77), source=1)
     heard = []
     flock.passes = lambda now, source, destination, payload: heard.append(payload) is None
     flock.run()
-    frames = [wire.decode_fact_frame(payload) for payload in heard if payload[0] == Kind.FACT]
-    told = [wire.decode_delivery(frame.piece, ()) for frame in frames]
-    assert told == [Delivery(Role.FAILED, fetch, (), 77)]
-    assert flock.node(2).talk.malformed == 1
+    frames = [payloads.decode_fact_frame(payload) for payload in heard if payload[0] == PayloadKind.FACT]
+    told = [payloads.decode_delivery(frame.piece, ()) for frame in frames]
+    assert told == [Delivery(DeliveryRole.FAILED, fetch, (), 77)]
+    assert flock.node(2).messenger.malformed == 1
 
 
 def test_an_action_that_nobody_waits_for_is_not_reported():
@@ -113,10 +113,10 @@ def test_nobody_but_the_executor_ends_an_action(source):
     flock.wait(1)
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source)
     flock.wait(2)
     assert flock.facts(1) == []
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source=2)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source=2)
     flock.wait(3)
     assert flock.facts(1) == ["done(@1)"]
 
@@ -126,7 +126,7 @@ def test_a_report_for_an_earlier_life_of_the_robot_ends_nothing():
     flock.wait(1)
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source=2)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source=2)
     flock.wait(2)
     assert flock.facts(1) == []
     flock.run()
@@ -136,16 +136,16 @@ def test_a_report_for_an_earlier_life_of_the_robot_ends_nothing():
 @pytest.mark.parametrize(
     "delivery",
     [
-        Delivery(Role.FACT, 999, ()),
-        Delivery(Role.FACT, 0, (1, 2, 3)),
-        Delivery(Role.GOAL, 999, ()),
-        Delivery(Role.ACTION, 999, (), 5),
-        Delivery(Role.ACTION, 0, ("x",), 5),
-        Delivery(Role.COMPLETED, 999, (), 1),
-        Delivery(Role.FINISH_AWAITED, 999, (), 0),
-        Delivery(Role.FINISH_AWAITED, 0, ("x",), 0),
-        Delivery(Role.FINISH_SEEN, 999, (), 0),
-        Delivery(Role.FINISH_SEEN, 0, ("x", 1), 0),
+        Delivery(DeliveryRole.FACT, 999, ()),
+        Delivery(DeliveryRole.FACT, 0, (1, 2, 3)),
+        Delivery(DeliveryRole.GOAL, 999, ()),
+        Delivery(DeliveryRole.ACTION, 999, (), 5),
+        Delivery(DeliveryRole.ACTION, 0, ("x",), 5),
+        Delivery(DeliveryRole.COMPLETED, 999, (), 1),
+        Delivery(DeliveryRole.FINISH_AWAITED, 999, (), 0),
+        Delivery(DeliveryRole.FINISH_AWAITED, 0, ("x",), 0),
+        Delivery(DeliveryRole.FINISH_SEEN, 999, (), 0),
+        Delivery(DeliveryRole.FINISH_SEEN, 0, ("x", 1), 0),
     ],
 )
 def test_a_delivery_that_no_robot_of_the_program_sends_is_counted_and_dropped(delivery):
@@ -154,7 +154,7 @@ def test_a_delivery_that_no_robot_of_the_program_sends_is_counted_and_dropped(de
     before = flock.facts(1)
     tell(flock, 1, delivery, source=2)
     flock.run()
-    assert flock.node(1).talk.malformed == 1
+    assert flock.node(1).messenger.malformed == 1
     assert len(flock.noted(1, "malformed")) == 1
     assert flock.facts(1) == before
 
@@ -168,12 +168,12 @@ def garbaged() -> Flock:
 @settings(deadline=None)
 def test_garbage_in_a_delivery_is_counted_and_dropped(octets):
     node = garbaged().node(1)
-    before = (node.talk.malformed, node.talk.exchange.delivered)
-    sequence = node.talk.exchange.delivered & 0xFFFF
-    for payload in wire.encode_fact_frames(node.talk.digest, 0, sequence, octets):
-        node.talk.receive(0, Received(payload, 2, True, -50.0, 255, 0))
-    assert node.talk.exchange.delivered == before[1] + 1
-    assert node.talk.malformed in (before[0], before[0] + 1)
+    before = (node.messenger.malformed, node.messenger.exchange.delivered)
+    sequence = node.messenger.exchange.delivered & 0xFFFF
+    for payload in payloads.encode_fact_frames(node.state.digest, 0, sequence, octets):
+        node.messenger.receive(0, Received(payload, 2, True, -50.0, 255, 0))
+    assert node.messenger.exchange.delivered == before[1] + 1
+    assert node.messenger.malformed in (before[0], before[0] + 1)
 
 
 # -- what comes back
@@ -191,7 +191,7 @@ def test_what_cannot_be_delivered_comes_back_as_a_fact_that_names_it():
     ).run()
     lost = [f"undelivered(@1, @{robot}, {name})" for robot in (2, 9) for name in ("fetch", "hello", "hello")]
     assert flock.facts(1) == lost
-    assert flock.node(1).talk.deliveries.undelivered == 6
+    assert flock.node(1).messenger.deliveries.undelivered == 6
 
 
 def test_a_program_may_leave_out_what_was_not_delivered():

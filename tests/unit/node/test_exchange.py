@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmr.base.time import NEVER, seconds
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.logic.exchange import IN_FLIGHT_MAX, REMEMBERED_MAX, TIME_TO_LIVE, WAITING_MAX, Exchange, Outcome
-from rmr.node.wire import Delivery, Kind, Role
+from rmr.node.payloads import Delivery, DeliveryRole, PayloadKind
 
-FACT = Delivery(Role.FACT, 3, (1,))
+FACT = Delivery(DeliveryRole.FACT, 3, (1,))
 
 
 class Pair:
@@ -30,7 +30,7 @@ class Pair:
             for _ in range(1 + (self.rng.random() < self.repeat)):
                 if self.rng.random() < self.loss:
                     continue
-                if payload[0] == Kind.FACT_ACK:
+                if payload[0] == PayloadKind.FACT_ACK:
                     target.acknowledged(self.now, payload, 1)
                 else:
                     body = target.received(payload, 1)
@@ -79,14 +79,14 @@ def test_at_most_a_bounded_number_is_in_flight_and_the_rest_waits_in_order():
     for i in range(IN_FLIGHT_MAX + 5):
         exchange.send(0, 1, FACT, bytes([i]))
     assert len(exchange.outbox) == IN_FLIGHT_MAX
-    exchange.acknowledged(0, wire.encode_ack(0, 0), 1)
-    assert wire.decode_fact_frame(exchange.outbox[-1][0]).piece == bytes([IN_FLIGHT_MAX])
+    exchange.acknowledged(0, payloads.encode_ack(0, 0), 1)
+    assert payloads.decode_fact_frame(exchange.outbox[-1][0]).piece == bytes([IN_FLIGHT_MAX])
 
 
 def test_a_restarted_sender_is_not_taken_for_its_earlier_life():
     receiver = Exchange(1, 0, Random(0))
     for epoch in (0, 1):
-        (frame,) = wire.encode_fact_frames(1, epoch, 0, b"x")
+        (frame,) = payloads.encode_fact_frames(1, epoch, 0, b"x")
         assert receiver.received(frame, 5) == b"x"
         assert receiver.received(frame, 5) is None
     assert receiver.duplicates == 2
@@ -94,19 +94,19 @@ def test_a_restarted_sender_is_not_taken_for_its_earlier_life():
 
 def test_a_late_frame_of_an_earlier_life_is_dropped_and_the_newer_one_remembered():
     receiver = Exchange(1, 0, Random(0))
-    (old,), (new,) = (wire.encode_fact_frames(1, epoch, 0, b"x") for epoch in (0, 1))
+    (old,), (new,) = (payloads.encode_fact_frames(1, epoch, 0, b"x") for epoch in (0, 1))
     assert receiver.received(old, 5) == b"x"
     assert receiver.received(new, 5) == b"x"
     assert [receiver.received(frame, 5) for frame in (old, new, old, new)] == [None] * 4
     assert (receiver.late, receiver.duplicates) == (2, 2)
-    acknowledged = [wire.decode_ack(payload)[0] for payload, _ in receiver.outbox]
+    acknowledged = [payloads.decode_ack(payload)[0] for payload, _ in receiver.outbox]
     assert acknowledged == [0, 1, 1, 1], "a life that has ended waits for nothing"
 
 
 @pytest.mark.parametrize(("old", "new"), [(255, 0), (250, 3), (0, 127)])
 def test_the_count_of_lives_goes_round(old, new):
     receiver = Exchange(1, 0, Random(0))
-    (late,), (first,) = (wire.encode_fact_frames(1, epoch, 7, b"x") for epoch in (old, new))
+    (late,), (first,) = (payloads.encode_fact_frames(1, epoch, 7, b"x") for epoch in (old, new))
     assert receiver.received(late, 5) == b"x"
     assert receiver.received(first, 5) == b"x"
     assert receiver.received(late, 5) is None
@@ -116,7 +116,7 @@ def test_the_count_of_lives_goes_round(old, new):
 @pytest.mark.parametrize("first", [0, 65_400])
 def test_a_copy_that_comes_after_hundreds_of_newer_ones_is_a_repeat(first):
     receiver = Exchange(1, 0, Random(0))
-    frames = [wire.encode_fact_frames(1, 0, (first + n) & 0xFFFF, b"x")[0] for n in range(4 * REMEMBERED_MAX)]
+    frames = [payloads.encode_fact_frames(1, 0, (first + n) & 0xFFFF, b"x")[0] for n in range(4 * REMEMBERED_MAX)]
     assert [receiver.received(frame, 5) for frame in frames] == [b"x"] * len(frames)
     assert {receiver.received(frame, 5) for frame in frames} == {None}
     assert receiver.duplicates == len(frames)
@@ -207,7 +207,7 @@ def test_a_robot_that_never_answers_is_sent_a_bounded_number_of_facts():
     exchange = Exchange(1, 0, Random(0))
     for _ in range(IN_FLIGHT_MAX + WAITING_MAX):
         exchange.send(0, 1, FACT, b"x")
-    with pytest.raises(wire.WireError, match="wait for robot 1"):
+    with pytest.raises(payloads.WireError, match="wait for robot 1"):
         exchange.send(0, 1, FACT, b"x")
     exchange.send(0, 2, FACT, b"x")
 
@@ -227,7 +227,7 @@ def test_what_waits_for_a_robot_that_answers_is_not_given_up():
     exchange = Exchange(1, 0, Random(0))
     for _ in range(2 * IN_FLIGHT_MAX):
         exchange.send(0, 1, FACT, b"x")
-    exchange.acknowledged(seconds(20), wire.encode_ack(0, 0), 1)
+    exchange.acknowledged(seconds(20), payloads.encode_ack(0, 0), 1)
     exchange.wake(TIME_TO_LIVE)
     assert len(given_up(exchange)) == IN_FLIGHT_MAX - 1, "those that were in flight all the time"
     exchange.news.clear()
@@ -245,18 +245,18 @@ def test_a_sender_does_not_run_so_far_ahead_that_the_receiver_forgets_what_it_ma
         sent, exchange.outbox[:] = list(exchange.outbox), []
         for payload, _ in sent:
             receiver.received(payload, 1)
-            sequence = wire.decode_fact_frame(payload).sequence
+            sequence = payloads.decode_fact_frame(payload).sequence
             if sequence == 0:
                 oldest.append(payload)  # its acknowledgement is lost again and again
             else:
-                exchange.acknowledged(0, wire.encode_ack(0, sequence), 1)
+                exchange.acknowledged(0, payloads.encode_ack(0, sequence), 1)
     assert receiver.received(oldest[0], 1) is None, "it is known as a repeat"
 
 
 def test_fragments_that_disagree_on_their_number_are_no_delivery_and_no_reason_to_stop():
     receiver = Exchange(1, 0, Random(0))
     body = bytes(3 * 108)
-    one, two, three = wire.encode_fact_frames(1, 0, 7, body)
-    other = wire.encode_fact_frames(1, 0, 7, bytes(2 * 108))
+    one, two, three = payloads.encode_fact_frames(1, 0, 7, body)
+    other = payloads.encode_fact_frames(1, 0, 7, bytes(2 * 108))
     assert [receiver.received(frame, 5) for frame in (three, other[0], one)] == [None, None, None]
     assert receiver.received(two, 5) == body

@@ -1,7 +1,7 @@
 """The executive runs its tasks in priority order, frame by frame, and counts what it must leave out (paper V.B.3)."""
 
 from rmr.base.time import milliseconds, tick_start
-from rmr.node.executive import Executive, Task
+from rmr.node.executive import Executive, ExecutiveTask
 
 
 class Bench:
@@ -11,9 +11,9 @@ class Bench:
         self.costs = costs_ms
         self.executive = Executive(
             [
-                Task("motor", self._task("motor"), periodic=True),
-                Task("radio", self._task("radio"), periodic=False),
-                Task("telemetry", self._task("telemetry"), periodic=True),
+                ExecutiveTask("motor", self._task("motor"), periodic=True),
+                ExecutiveTask("radio", self._task("radio"), periodic=False),
+                ExecutiveTask("telemetry", self._task("telemetry"), periodic=True),
             ],
             lambda: self.spent,
             phase,

@@ -7,14 +7,15 @@ import pytest
 
 from rmr.base.time import Duration, in_seconds, seconds
 from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
-from rmr.node.peers.hello import EAGER, STAYS, HelloClock
+from rmr.node.peers.hello import EAGER_FOR, STAYS, HelloClock
+from rmr.node.profile import profile_of
 
 
 def periods(
     robots: int, *, parked: bool, waits: bool = False, leaves: bool = False, driving: int | None = None
 ) -> list[Duration]:
     """The times between a hundred hellos."""
-    clock = HelloClock(Random(1), robots)
+    clock = HelloClock(Random(1), profile_of(robots))
     clock.parked = parked
     found = []
     for _ in range(100):
@@ -55,10 +56,10 @@ def test_nobody_is_taken_for_silent_whose_hellos_were_lost_once_or_twice_while_i
 
 
 def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() -> None:
-    clock = HelloClock(Random(1), 6)
+    clock = HelloClock(Random(1), profile_of(6))
     clock.start(seconds(3))
     told = []
-    while clock.due < seconds(3) + EAGER:
+    while clock.due < seconds(3) + EAGER_FOR:
         told.append(in_seconds(clock.due - seconds(3)))
         clock.rewind(clock.due)
     assert told[0] < 0.19
@@ -70,10 +71,10 @@ def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() ->
 
 
 def test_a_robot_that_begins_to_drive_back_says_so_at_once() -> None:
-    clock = HelloClock(Random(1), 6)
-    clock.look(seconds(3), parked=False)
+    clock = HelloClock(Random(1), profile_of(6))
+    clock.poll(seconds(3), parked=False)
     clock.rewind(seconds(3))
-    clock.look(seconds(3.01), parked=False, back=True)
+    clock.poll(seconds(3.01), parked=False, back=True)
     assert clock.due < seconds(3.05)
 
 

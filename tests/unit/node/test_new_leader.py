@@ -6,7 +6,7 @@ import pytest
 
 from rmr.base.time import milliseconds, seconds
 from rmr.coord.events import LeadershipEnded
-from rmr.node.crossing.turn import Phase
+from rmr.node.crossing.phases import Asking, Slotted
 from rmr_sim.run_setup import Options, load
 
 LAB = Path(__file__).parents[3] / "deploy" / "labs" / "testbed"
@@ -14,35 +14,34 @@ LAB = Path(__file__).parents[3] / "deploy" / "labs" / "testbed"
 
 @pytest.fixture
 def asking():
-    """Return the turns of a robot that has asked and stands, and its turn."""
+    """Return the crossings of a robot that has asked and stands, and the one under way."""
     simulation = load(LAB, Options()).simulation(1)
     simulation.observers.append(lambda now: simulation.stop() if now >= milliseconds(130) else None)
     simulation.run()
-    turns = simulation.robots[0].node.turns
-    turn = turns.current
-    assert turn is not None
-    assert turn.requested
-    assert turn.phase is Phase.ASKING
-    return turns, turn
+    crossings = simulation.robots[0].node.crossings
+    crossing = crossings.current
+    assert crossing is not None
+    assert isinstance(crossing.phase, Asking)
+    return crossings, crossing
 
 
 def test_a_robot_that_stands_puts_its_release_off_when_the_leader_changes(asking):
-    turns, turn = asking
+    crossings, crossing = asking
     later = seconds(3)
-    assert turn.release < later + turn.approach
-    turns.handle(later, LeadershipEnded(turn.event))
-    assert turn.release == later + turn.approach
+    assert crossing.release < later + crossing.plan.approach
+    crossings.handle(later, LeadershipEnded(crossing.group_id))
+    assert crossing.release == later + crossing.plan.approach
 
 
 def test_a_release_that_is_later_anyway_stays(asking):
-    turns, turn = asking
-    turn.release = seconds(60)
-    turns.handle(seconds(3), LeadershipEnded(turn.event))
-    assert turn.release == seconds(60)
+    crossings, crossing = asking
+    crossing.release = seconds(60)
+    crossings.handle(seconds(3), LeadershipEnded(crossing.group_id))
+    assert crossing.release == seconds(60)
 
 
 def test_a_robot_that_has_a_slot_keeps_its_release(asking):
-    turns, turn = asking
-    turn.phase, before = Phase.SLOTTED, turn.release
-    turns.handle(seconds(3), LeadershipEnded(turn.event))
-    assert turn.release == before
+    crossings, crossing = asking
+    crossing.phase, before = Slotted(seconds(60), 0), crossing.release
+    crossings.handle(seconds(3), LeadershipEnded(crossing.group_id))
+    assert crossing.release == before

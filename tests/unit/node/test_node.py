@@ -13,11 +13,12 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
-from rmr.node.node import ROUNDS_MAX, Node
+from rmr.node.node import Node
+from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
-from rmr.node.trace import ENTRIES_MAX, EVENTS, Level
-from rmr.node.wire import PAYLOAD_OCTETS_MAX
+from rmr.node.runtime_system import ROUNDS_MAX
+from rmr.node.trace import ENTRIES_MAX, EVENTS, TraceLevel
 
 pytestmark = pytest.mark.medium
 
@@ -75,7 +76,7 @@ def test_a_robot_with_three_rules_takes_little_memory_however_many_others_there_
     roster = dict.fromkeys(range(1, robots + 1))
 
     def run(robot: int) -> Node:
-        config = NodeConfig(robot, roster, NOWHERE, 0, trace=Level.NOTHING)
+        config = NodeConfig(robot, roster, NOWHERE, 0, trace=TraceLevel.NOTHING)
         node = Node(config, program, Ports(Silence(), None), {}, 1)
         node.start(0)
         node.tick(0)
@@ -264,7 +265,8 @@ def test_an_expression_without_value_is_noted_and_counted_in_the_report():
 
 
 @pytest.mark.parametrize(
-    ("level", "noted"), [(Level.NOTHING, set()), (Level.NOTES, {"fired"}), (Level.FACTS, {"fired", "inserted"})]
+    ("level", "noted"),
+    [(TraceLevel.NOTHING, set()), (TraceLevel.NOTES, {"fired"}), (TraceLevel.FACTS, {"fired", "inserted"})],
 )
 def test_a_robot_notes_as_much_as_it_is_told(level, noted):
     flock = alone("go(R). $go(R), not done(R) -o done(R).", trace=level).run()
@@ -283,11 +285,11 @@ def test_notes_that_nobody_takes_away_do_not_pile_up():
 def test_a_note_holds_what_the_vocabulary_says():
     node = alone("done(R).").node(1)
     with pytest.raises(AssertionError):
-        node.trace(0, "fired", rule="x", more=1)
+        node.notes.note(0, "fired", rule="x", more=1)
     with pytest.raises(KeyError):
-        node.trace(0, "invented")
+        node.notes.note(0, "invented")
     for what, event in EVENTS.items():
-        node.trace(0, what, **dict.fromkeys(event.fields))
+        node.notes.note(0, what, **dict.fromkeys(event.fields))
     assert {entry["what"] for entry in node.trace_log} >= set(EVENTS)
 
 

@@ -26,7 +26,7 @@ def test_ten_robots_take_turns_and_tell_long_texts_in_frames_of_any_length(monke
         return True
 
     robots = Flock(TURNS % ("word " * 100), robots=10, passes=measure, action_s=0.1).run(60)
-    passed = [at for robot in range(1, 11) for at, _ in robots.node(robot).action_log]
+    passed = [at for robot in range(1, 11) for at, _ in robots.node(robot).services.action_log]
     assert len(passed) == 10
     assert f'hello(@2, "{"word " * 100}")' in robots.facts(2)
     assert all(size <= room for size in sizes.values())

@@ -15,9 +15,9 @@ from rmr.node.config import NodeConfig
 from rmr.node.driver import STALE, UNWATCHED, Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.node import Node
+from rmr.node.payloads import PAYLOAD_OCTETS_MAX, Hello, encode_hello
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import Ports, Received, Sensed
-from rmr.node.wire import PAYLOAD_OCTETS_MAX, Hello, encode_hello
 from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.physics import World
@@ -136,7 +136,7 @@ def test_a_hello_that_has_waited_for_long_tells_where_a_robot_was_when_it_was_sa
     ear = Ear()
     node = Node(NodeConfig(1, (1, 2), NOWHERE, 0), program, Ports(ear, None), {})
     node.start(0)
-    payload = encode_hello(Hello(0.8, 0.5, 0.0, 0.2, False, 0, None, node.talk.digest))
+    payload = encode_hello(Hello(0.8, 0.5, 0.0, 0.2, False, 0, None, node.state.digest))
     now = milliseconds(1000)
     for waited in (0, OVERDUE, OVERDUE + 1, milliseconds(400)):
         now += milliseconds(1000)

@@ -6,7 +6,7 @@ import pytest
 
 from rmr.bytecode.codec import decode, encode
 from rmr.lang.compiler import compile_source
-from rmr.node.logic.symbols import SYMBOLS_MAX, Symbols, symbols_of
+from rmr.node.logic.symbol_numbers import SYMBOLS_MAX, Symbols, symbols_of
 
 EVERYWHERE = """
 type action go(R: robot, A: area) -o at(R, effected) else at(R, failing).

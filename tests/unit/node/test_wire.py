@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rmr.base.values import Value
-from rmr.node import wire
-from rmr.node.wire import Delivery, Hello, Role, WireError
+from rmr.node import payloads
+from rmr.node.payloads import Delivery, DeliveryRole, Hello, WireError
 
 SYMBOLS = ("entry", "exit")
 INDEX = {name: i for i, name in enumerate(SYMBOLS)}
@@ -14,14 +14,14 @@ INDEX = {name: i for i, name in enumerate(SYMBOLS)}
 
 @given(st.binary(max_size=130))
 def test_random_octets_are_refused_and_never_raise_anything_else(octets):
-    for decode in (wire.decode_hello, wire.decode_ack, wire.decode_failure):
+    for decode in (payloads.decode_hello, payloads.decode_ack, payloads.decode_failure):
         try:
             decode(octets)
         except WireError:
             continue
     if octets:
         try:
-            frame = wire.decode_fact_frame(octets)
+            frame = payloads.decode_fact_frame(octets)
         except WireError:
             return
         assert 0 <= frame.part < frame.parts
@@ -29,24 +29,24 @@ def test_random_octets_are_refused_and_never_raise_anything_else(octets):
 
 def test_lists_nested_too_deep_are_refused():
     value: Value = ()
-    for _ in range(wire.LIST_DEPTH_MAX + 2):
+    for _ in range(payloads.LIST_DEPTH_MAX + 2):
         value = (value,)
     with pytest.raises(WireError, match="deep"):
-        wire.encode_delivery(Delivery(Role.FACT, 0, (value,)), INDEX)
-    body = b"\0\0\0\1" + b"\x09\0\1" * (wire.LIST_DEPTH_MAX + 2) + b"\0"
+        payloads.encode_delivery(Delivery(DeliveryRole.FACT, 0, (value,)), INDEX)
+    body = b"\0\0\0\1" + b"\x09\0\1" * (payloads.LIST_DEPTH_MAX + 2) + b"\0"
     with pytest.raises(WireError, match="deep"):
-        wire.decode_delivery(body, SYMBOLS)
+        payloads.decode_delivery(body, SYMBOLS)
 
 
 def test_a_text_longer_than_its_length_can_tell_is_refused_by_the_sender():
-    wire.encode_delivery(Delivery(Role.FACT, 0, ("x" * wire.LENGTH_MAX,)), INDEX)
+    payloads.encode_delivery(Delivery(DeliveryRole.FACT, 0, ("x" * payloads.LENGTH_MAX,)), INDEX)
     with pytest.raises(WireError, match="too long"):
-        wire.encode_delivery(Delivery(Role.FACT, 0, ("x" * (wire.LENGTH_MAX + 1),)), INDEX)
+        payloads.encode_delivery(Delivery(DeliveryRole.FACT, 0, ("x" * (payloads.LENGTH_MAX + 1),)), INDEX)
 
 
 @pytest.mark.parametrize(("assertion", "told"), [(None, None), (0, 0), (254, 254), (255, None), (1000, None)])
 def test_a_failure_names_its_assertion_or_none(assertion, told):
-    assert wire.decode_failure(wire.encode_failure(7, assertion)) == (7, told)
+    assert payloads.decode_failure(payloads.encode_failure(7, assertion)) == (7, told)
 
 
 @given(
@@ -55,7 +55,7 @@ def test_a_failure_names_its_assertion_or_none(assertion, told):
 def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, going):
     stays = parked and not going
     hello = Hello(x, y, theta, -0.2, parked, rank, (y, x) if going else None, rank * 257, stays)
-    back = wire.decode_hello(wire.encode_hello(hello))
+    back = payloads.decode_hello(payloads.encode_hello(hello))
     assert back.x == pytest.approx(x, abs=0.0051)
     assert back.y == pytest.approx(y, abs=0.0051)
     assert back.v == -0.2
@@ -64,12 +64,12 @@ def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, goi
 
 
 def test_every_payload_fits_one_frame():
-    frames = wire.encode_fact_frames(0xABCD, 1, 7, bytes(1000))
+    frames = payloads.encode_fact_frames(0xABCD, 1, 7, bytes(1000))
     assert len(frames) > 1
-    assert all(len(frame) <= wire.PAYLOAD_OCTETS_MAX for frame in frames)
-    assert len(wire.encode_fact_frames(0xABCD, 1, 7, bytes(wire.FACT_BODY_OCTETS_MAX))) == 1
+    assert all(len(frame) <= payloads.PAYLOAD_OCTETS_MAX for frame in frames)
+    assert len(payloads.encode_fact_frames(0xABCD, 1, 7, bytes(payloads.FACT_BODY_OCTETS_MAX))) == 1
 
 
 def test_a_fact_too_large_to_travel_says_how_large_it_may_be():
     with pytest.raises(WireError, match=r"at most \d+ octets"):
-        wire.encode_fact_frames(0, 0, 0, bytes(wire.PARTS_MAX * 108 + 1))
+        payloads.encode_fact_frames(0, 0, 0, bytes(payloads.PARTS_MAX * 108 + 1))

@@ -8,7 +8,7 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import Duration, Instant
-from rmr.node.logic.exchange import TIME_TO_LIVE, Progress, Stage
+from rmr.node.logic.exchange import TIME_TO_LIVE, DeliveryProgress, Stage
 from rmr_sim.checkers.run_view import RunView
 
 CHECK = "delivery"
@@ -31,9 +31,9 @@ class DeliveryChecker:
         self._accepted: OrderedDict[tuple[Name, int], None] = OrderedDict()
         """Acceptances, with the incarnation of the receiver."""
         self._look: list[tuple[Instant, Name]] = []
-        view.subscribe(Progress, self._progressed)
+        view.subscribe(DeliveryProgress, self._progressed)
 
-    def _progressed(self, robot: int, now: Instant, progress: Progress) -> None:
+    def _progressed(self, robot: int, now: Instant, progress: DeliveryProgress) -> None:
         peer = progress.peer
         epoch = progress.epoch
         sequence = progress.sequence
@@ -74,7 +74,7 @@ class DeliveryChecker:
             life = self._open.get(name)
             if life is None or life != view.life(sender) or not view.alive(sender):
                 self._open.pop(name, None)
-            elif view.node(sender).talk.exchange.idle:
+            elif view.node(sender).messenger.exchange.idle:
                 words = f"what robot {sender} sent robot {receiver} is neither delivered nor reported undelivered"
                 view.violate(now, CHECK, (sender, receiver), words)
             else:

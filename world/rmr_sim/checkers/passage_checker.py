@@ -14,6 +14,7 @@ from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.coord.timing import Timing, same_direction
+from rmr.node.crossing.situation import Unforeseen
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import TICK, RunView
 
@@ -23,7 +24,7 @@ NO_COUNTER = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Inside:
+class Admitted:
     """One robot's passage."""
 
     robot: int
@@ -42,13 +43,14 @@ class PassageChecker:
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._slots: RecentTable[tuple[int, bytes], SlotAssigned] = RecentTable()
-        self._inside: dict[bytes, dict[int, Inside]] = {}
+        self._inside: dict[bytes, dict[int, Admitted]] = {}
         self._entered: RecentTable[tuple[int, bytes, Instant], None] = RecentTable()
         """Jobs that have had their entry, to detect a second one."""
         view.subscribe(SlotAssigned, self._slotted)
         view.subscribe(SlotLost, self._unslotted)
         view.subscribe(EntryMissed, self._unslotted)
         view.subscribe(Entered, self._entry)
+        view.subscribe(Unforeseen, self._unforeseen)
 
     def __call__(self, _now: Instant) -> None:
         """Drop the robots that have left."""
@@ -65,6 +67,10 @@ class PassageChecker:
     def _unslotted(self, robot: int, _now: Instant, lost: SlotLost | EntryMissed) -> None:
         self._slots.pop((robot, lost.group_id), None)
 
+    def _unforeseen(self, robot: int, now: Instant, event: Unforeseen) -> None:
+        words = f"robot {robot} heard of its crossing, which was {event.phase}, {event.event}"
+        self._view.violate(now, "entry", (robot,), words)
+
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
         job = self._view.node(robot).core.job(entered.group_id)
         slot = self._slots.pop((robot, entered.group_id), None)
@@ -76,7 +82,7 @@ class PassageChecker:
         else:
             self._check_entry(robot, entered.start, slot, job)
             term = (slot.term, slot.leader)
-        one = Inside(robot, job, entered.start, job.request.direction, job.request.headway, term, entered.cautious)
+        one = Admitted(robot, job, entered.start, job.request.direction, job.request.headway, term, entered.cautious)
         inside = self._inside.setdefault(entered.group_id, {})
         for other in inside.values():
             if other.robot != robot:
@@ -95,7 +101,7 @@ class PassageChecker:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
 
-    def _check_pair(self, now: Instant, one: Inside, other: Inside) -> None:
+    def _check_pair(self, now: Instant, one: Admitted, other: Admitted) -> None:
         """Report a violation if `one` must not enter while `other` is inside."""
         if one.cautious or not self._bound(now, one, other):
             return
@@ -111,7 +117,7 @@ class PassageChecker:
             words = f"robot {one.robot} entered {apart_ms} ms behind robot {other.robot}; {least_ms} ms is the least"
             self._view.violate(now, "spacing", pair, words)
 
-    def _bound(self, now: Instant, one: Inside, other: Inside) -> bool:
+    def _bound(self, now: Instant, one: Admitted, other: Admitted) -> bool:
         """Return whether the protocol guarantees anything for these two robots."""
         view = self._view
         if one.term == other.term:

@@ -12,8 +12,8 @@ import math
 
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
-from rmr.node.crossing.turn import Phase
-from rmr.node.motion.barred import closest_solid, robots_named
+from rmr.node.crossing.phases import Inside
+from rmr.node.motion.obstruction import closest_solid, robots_named
 from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
@@ -83,11 +83,11 @@ class ProgressChecker:
         reasons = []
         world = view.simulation.world
         arena = view.simulation.lab.arena
-        turn = view.node(robot).turns.current
-        if turn is not None and turn.waits:
-            inside = [other for other in view.robots if other != robot and self._inside(other, turn.event)]
+        crossing = view.node(robot).crossings.current
+        if crossing is not None and crossing.waits:
+            inside = [other for other in view.robots if other != robot and self._inside(other, crossing.group_id)]
             holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
-            reasons.append(f"it waits for its turn of {turn.job.name}{holders}")
+            reasons.append(f"it waits for its turn of {crossing.job.name}{holders}")
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
         others = {other: world.pose(other) for other in view.robots if other != robot}
@@ -100,8 +100,8 @@ class ProgressChecker:
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` holds `event`."""
-        turn = self._view.node(robot).turns.current if self._view.alive(robot) else None
-        return turn is not None and turn.event == event and not turn.waits
+        crossing = self._view.node(robot).crossings.current if self._view.alive(robot) else None
+        return crossing is not None and crossing.group_id == event and not crossing.waits
 
     def _look(self, robot: int, now: Instant) -> None:
         x, y, _ = self._view.simulation.world.pose(robot)
@@ -115,19 +115,19 @@ class ProgressChecker:
 
     def _note_use(self, robot: int) -> None:
         """Count the progress of a robot inside an event as use of the event, for the robots that wait for it."""
-        turn = self._view.node(robot).turns.current
-        if turn is not None and turn.phase is Phase.INSIDE:
-            self._used[turn.event] = max(self._used.get(turn.event, 0), self._progress_at[robot])
+        crossing = self._view.node(robot).crossings.current
+        if crossing is not None and isinstance(crossing.phase, Inside):
+            self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_at[robot])
 
     def _progress_of(self, robot: int) -> Instant:
         """Return the last progress of the robot, its own or by other robots' use of the event for which it waits."""
-        turn = self._view.node(robot).turns.current
-        return max(self._progress_at[robot], 0 if turn is None else self._used.get(turn.event, 0))
+        crossing = self._view.node(robot).crossings.current
+        return max(self._progress_at[robot], 0 if crossing is None else self._used.get(crossing.group_id, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
         node = self._view.node(robot)
-        return node.turns.current is not None or node.actions.driving is not None
+        return node.crossings.current is not None or node.actions.driving is not None
 
     def _waits(self, robot: int) -> bool:
         """Return whether an action without wheels is running: it ends by itself."""

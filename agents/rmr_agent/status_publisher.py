@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from rmr.bus import wire
-from rmr.bus.parts import TooLargeError
+from rmr.bus.message_parts import TooLargeError
 from rmr.bus.session import Bus
 
 REPORT_OCTETS_PER_S = 1 << 20
@@ -24,7 +24,7 @@ EMPTY: dict[str, Any] = {"goals": {"achieved": [], "open": []}}
 """What stands in place of a field that is no list."""
 
 
-class Telling:
+class StatusPublisher:
     """Tells one robot's statuses."""
 
     def __init__(self, bus: Bus, warn: Callable[[str], None]) -> None:

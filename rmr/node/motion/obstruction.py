@@ -1,7 +1,7 @@
 """Why a drive finds no way: the reason that a failed action gives to people.
 
-Told are, in this order, what makes the goal itself a place where no hull fits, the obstacles that close every way, and
-the robots that stand on the goal or along the way that there would be without them. Nothing is decided by it.
+In this order: what makes the goal itself a place where no hull fits; the obstacles that close every way; the robots
+that stand on the goal, or along the way that there would be without them. No decision depends on it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,10 +11,10 @@ from typing import Final
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.node.motion.astar import plan
-from rmr.node.motion.grid import MARGIN_M, TIGHT_MARGIN_M
+from rmr.node.motion.grid import PATH_MARGIN_M, TIGHT_MARGIN_M
 
 NAMED_MAX: Final = 5
-"""Robots that are named."""
+"""How many robots are named at most."""
 
 
 def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Point]) -> str:
@@ -31,7 +31,7 @@ def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Poin
     if found is None:
         solid = solid_between(arena, start, goal)
         return f"{solid} is in the way, and there is no way around it" if solid else "obstacles close every way"
-    keep = 2.0 * radius + MARGIN_M
+    keep = 2.0 * radius + PATH_MARGIN_M
     standing = [robot for robot, place in parked.items() if distance(*place, *goal) < keep]
     if standing:
         return f"{robots_named(standing)} at the goal"
@@ -41,7 +41,7 @@ def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Poin
 
 def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point]) -> str:
     """Return who stands on a polyline, subject and verb; empty if nobody does."""
-    keep = 2.0 * arena.shape.radius + MARGIN_M
+    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     near = [
         robot
         for robot, place in parked.items()
@@ -86,7 +86,8 @@ def solid_between(arena: Arena, start: Point, goal: Point) -> str:
         return "the wall"
     steps = max(1, int(distance(*start, *goal) / arena.cell))
     for k in range(steps + 1):
-        x, y = start.x + (goal.x - start.x) * k / steps, start.y + (goal.y - start.y) * k / steps
+        x = start.x + (goal.x - start.x) * k / steps
+        y = start.y + (goal.y - start.y) * k / steps
         for obstacle in arena.obstacles:
             if obstacle.distance(x, y) < arena.shape.radius:
                 return obstacle_named(obstacle)

@@ -31,7 +31,7 @@ FRAMES_MAX: Final = 512
 
 
 class RadioLink:
-    """`rmr.node.ports.Link` over a station."""
+    """`rmr.node.ports.RadioPort` over a station."""
 
     def __init__(self, station: Station, now: Callable[[], Instant], publish: Callable[[Announcement], None]) -> None:
         self.station = station
@@ -55,7 +55,7 @@ class RadioLink:
         return self.station.payload_max
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
-        """Queue `payload`; see `rmr.node.ports.Link`."""
+        """Queue `payload`; see `rmr.node.ports.RadioPort`."""
         self.station.request(self._now(), payload, destination, handle)
 
     def receive(self) -> list[Received]:
@@ -91,7 +91,7 @@ class RadioLink:
 
 
 class BusBody:
-    """`rmr.node.ports.Body` over the bus."""
+    """`rmr.node.ports.BodyPort` over the bus."""
 
     def __init__(self, publish: Callable[[wire.Message], None]) -> None:
         self._publish = publish

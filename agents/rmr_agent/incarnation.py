@@ -1,4 +1,4 @@
-"""One life of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
+"""One incarnation of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
 
 Real time in, real time out: the node is called at its `next_wake`, the station at its own, and both whenever
 something has come in; in between the process sleeps. A sample of a body whose node will look at it within a frame
@@ -29,10 +29,10 @@ from rmr.radio.phy import Bursts
 from rmr.radio.security import Security
 from rmr.radio.station import RadioConfig, Station
 from rmr.vm.outside import Gate
-from rmr_agent.air import LocalAir
+from rmr_agent.bus_ports import RADIO_GRACE, BusBody, RadioLink
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.ports import RADIO_GRACE, BusBody, RadioLink
+from rmr_agent.local_air import LocalAir
 
 FRAME: Final[Duration] = NS_PER_S // TICK_HZ
 
@@ -141,7 +141,7 @@ def floor_grid(config: NodeConfig) -> Grid:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
 
-class Life:
+class Incarnation:
     """A node with its ports and its timer."""
 
     def __init__(
@@ -151,7 +151,7 @@ class Life:
         handlers: dict[str, Handler],
         station: Station,
         clock: LabClock,
-        send: "Sender",
+        send: "Outlets",
         fail: Callable[[BaseException], None],
     ) -> None:
         self._clock = clock
@@ -283,8 +283,8 @@ class Life:
             self._timer = self._loop.call_later(min(delay_s, SLEEP_MAX_S), self._turn)
 
 
-class Sender:
-    """Where a life's output goes."""
+class Outlets:
+    """Where an incarnation's output goes."""
 
     def __init__(self, air: LocalAir, act: Callable[[wire.Message], None]) -> None:
         self.air = air

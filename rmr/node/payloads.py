@@ -29,7 +29,7 @@ class WireError(ValueError):
     """A payload that no robot of this program could have sent, or a value that no payload can hold."""
 
 
-class Kind(IntEnum):
+class PayloadKind(IntEnum):
     """First octet of a payload."""
 
     FACT = 0x10
@@ -44,7 +44,7 @@ class Kind(IntEnum):
     """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E); 255: none in particular."""
 
 
-class Role(IntEnum):
+class DeliveryRole(IntEnum):
     """What a delivery is: role 1 (upper half), index 2, arguments 1, of some roles a number 8, then the arguments."""
 
     FACT = 0
@@ -61,7 +61,15 @@ class Role(IntEnum):
     """Such a fact was inserted. Index: the assertion; arguments: F's. Number: when."""
 
 
-NUMBERED: Final = frozenset({Role.ACTION, Role.COMPLETED, Role.FAILED, Role.FINISH_AWAITED, Role.FINISH_SEEN})
+NUMBERED: Final = frozenset(
+    {
+        DeliveryRole.ACTION,
+        DeliveryRole.COMPLETED,
+        DeliveryRole.FAILED,
+        DeliveryRole.FINISH_AWAITED,
+        DeliveryRole.FINISH_SEEN,
+    }
+)
 """Roles that carry a number."""
 
 
@@ -69,7 +77,7 @@ NUMBERED: Final = frozenset({Role.ACTION, Role.COMPLETED, Role.FAILED, Role.FINI
 class Delivery:
     """What one robot tells another reliably."""
 
-    role: Role
+    role: DeliveryRole
     index: int
     """Of the predicate; of the assertion where the role says so."""
     args: tuple[Value, ...]
@@ -121,8 +129,12 @@ def encode_hello(hello: Hello) -> bytes:
     gx, gy = hello.goal or (0.0, 0.0)
     flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0) | (_STAYS if hello.stays else 0)
     heading = round(hello.theta / _TURN * 256) & 0xFF
-    x, y, speed = _cm(hello.x), _cm(hello.y), max(-127, min(127, round(hello.v * 100)))
-    return _HELLO.pack(Kind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy))
+    x = _cm(hello.x)
+    y = _cm(hello.y)
+    speed = max(-127, min(127, round(hello.v * 100)))
+    return _HELLO.pack(
+        PayloadKind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy)
+    )
 
 
 def decode_hello(payload: bytes) -> Hello:
@@ -132,7 +144,9 @@ def decode_hello(payload: bytes) -> Hello:
     except struct.error as error:
         raise WireError(f"hello: {error}") from error
     goal = (gx / 100, gy / 100) if flags & _GOAL else None
-    theta, parked, stays = heading / 256 * _TURN, bool(flags & _PARKED), bool(flags & _STAYS)
+    theta = heading / 256 * _TURN
+    parked = bool(flags & _PARKED)
+    stays = bool(flags & _STAYS)
     return Hello(x / 100, y / 100, theta, speed / 100, parked, rank, goal, digest, stays)
 
 
@@ -157,13 +171,13 @@ def encode_fact_frames(
 ) -> list[bytes]:
     """Return the payloads that carry `body`: one, or fragments. Raises WireError when it is too large."""
     if _FACT.size + len(body) <= payload_max:
-        return [_FACT.pack(Kind.FACT, digest & 0xFFFF, epoch & 0xFF, sequence) + body]
+        return [_FACT.pack(PayloadKind.FACT, digest & 0xFFFF, epoch & 0xFF, sequence) + body]
     piece = payload_max - _FRAGMENT.size
     pieces = [body[i : i + piece] for i in range(0, len(body), piece)]
     if len(pieces) > PARTS_MAX:
         raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * piece} octets")
     return [
-        _FRAGMENT.pack(Kind.FRAGMENT, digest & 0xFFFF, epoch & 0xFF, sequence, part, len(pieces)) + piece
+        _FRAGMENT.pack(PayloadKind.FRAGMENT, digest & 0xFFFF, epoch & 0xFF, sequence, part, len(pieces)) + piece
         for part, piece in enumerate(pieces)
     ]
 
@@ -171,7 +185,7 @@ def encode_fact_frames(
 def decode_fact_frame(payload: bytes) -> FactFrame:
     """Return the fact or fragment in `payload`. Raises WireError."""
     try:
-        if payload[0] == Kind.FACT:
+        if payload[0] == PayloadKind.FACT:
             _, digest, epoch, sequence = _FACT.unpack_from(payload)
             return FactFrame(digest, epoch, sequence, 0, 1, payload[_FACT.size :])
         _, digest, epoch, sequence, part, parts = _FRAGMENT.unpack_from(payload)
@@ -184,7 +198,7 @@ def decode_fact_frame(payload: bytes) -> FactFrame:
 
 def encode_ack(epoch: int, sequence: int) -> bytes:
     """Return the payload that acknowledges a whole delivery."""
-    return _ACK.pack(Kind.FACT_ACK, epoch & 0xFF, sequence)
+    return _ACK.pack(PayloadKind.FACT_ACK, epoch & 0xFF, sequence)
 
 
 def decode_ack(payload: bytes) -> tuple[int, int]:
@@ -199,7 +213,7 @@ def decode_ack(payload: bytes) -> tuple[int, int]:
 def encode_failure(digest: int, assertion: int | None) -> bytes:
     """Return the payload of a failure broadcast; `assertion` None, or beyond an octet: no deadline in particular."""
     known = assertion is not None and assertion < _NO_ASSERTION
-    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, assertion if known else _NO_ASSERTION)
+    return _FAILURE.pack(PayloadKind.FAILURE, digest & 0xFFFF, assertion if known else _NO_ASSERTION)
 
 
 def decode_failure(payload: bytes) -> tuple[int, int | None]:
@@ -277,7 +291,7 @@ def decode_delivery(body: bytes, symbols: Sequence[str]) -> Delivery:
     """Return the delivery in `body`. Raises WireError."""
     try:
         head, index, count = struct.unpack_from(">BHB", body)
-        role = Role(head >> 4)
+        role = DeliveryRole(head >> 4)
         reader = _Reader(body, 4, symbols)
         number = reader.number() if role in NUMBERED else 0
         args = tuple(reader.value(0) for _ in range(count))
@@ -292,7 +306,9 @@ class _Reader:
     """Reads values off a body, left to right."""
 
     def __init__(self, data: bytes, offset: int, symbols: Sequence[str]) -> None:
-        self.data, self.offset, self.symbols = data, offset, symbols
+        self.data = data
+        self.offset = offset
+        self.symbols = symbols
 
     def _take(self, form: str) -> int | float:
         value: int | float = struct.unpack_from(form, self.data, self.offset)[0]

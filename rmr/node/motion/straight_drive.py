@@ -1,12 +1,12 @@
 """Straight drives in common time: how robots change places together and keep apart.
 
-Robots leave at one instant and arrive at another, each on a straight line, and at any time all have the same share of
-their ways behind them. Then the line between two of them turns evenly from what it was, x, to what it will be, g. If
-x . g >= 0 for each two, which is to say that no two could exchange their goals and lessen the sum of the squared ways,
-robots that start and end at least D apart are never nearer than D / sqrt 2 (Turpin, Michael, Kumar: CAPT, 2014).
+All robots leave at one instant and arrive at another, each on a straight line, and at any time all have covered the
+same share of their lines. Then the vector between two of them goes evenly from its start, x, to its end, g. If
+x . g >= 0 for each two (no two could exchange their goals and lessen the sum of the squared lengths), robots that start
+and end at least D apart are never nearer than D / sqrt 2 (Turpin, Michael, Kumar: CAPT, 2014).
 
-A robot turns before it leaves. It follows the share that is due, not its wishes, so who is late catches up as far as
-its speed allows. Other robots are not looked at here: stop-if-dangerous comes after.
+A robot turns before it leaves. It tracks the share that is due, so one that is late catches up as far as its speed
+allows. Other robots are not considered here: the speed law comes after.
 """
 
 import math
@@ -39,7 +39,8 @@ class Straight:
         self._took = max(1, ends - begins)
         self.length_m = hypot(goal.x - start.x, goal.y - start.y)
         self._heading = math.atan2(goal.y - start.y, goal.x - start.x)
-        self._cos, self._sin = math.cos(self._heading), math.sin(self._heading)
+        self._cos = math.cos(self._heading)
+        self._sin = math.sin(self._heading)
 
     def share(self, now: Instant) -> tuple[float, float]:
         """Return the share of the way that is due at `now`, and its growth per second.
@@ -51,16 +52,20 @@ class Straight:
         gone = min(max(0, now - self._begins), self._took)
         left = self._took - gone
         if gone < ramp:
-            done, rate = 0.5 * even * gone * gone / ramp, even * gone / ramp
+            done = 0.5 * even * gone * gone / ramp
+            rate = even * gone / ramp
         elif left < ramp:
-            done, rate = 1.0 - 0.5 * even * left * left / ramp, even * left / ramp
+            done = 1.0 - 0.5 * even * left * left / ramp
+            rate = even * left / ramp
         else:
-            done, rate = even * (gone - ramp / 2), even
+            done = even * (gone - ramp / 2)
+            rate = even
         return done, rate / in_seconds(1)
 
     def along(self, pose: Pose) -> tuple[float, float]:
         """Return how far along the line a robot at `pose` is, and how far to the left of it, metres."""
-        x, y = pose.x - self._start.x, pose.y - self._start.y
+        x = pose.x - self._start.x
+        y = pose.y - self._start.y
         return x * self._cos + y * self._sin, y * self._cos - x * self._sin
 
     def ended(self, pose: Pose) -> bool:

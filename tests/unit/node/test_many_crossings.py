@@ -1,4 +1,4 @@
-"""Many turns of one robot at a time: which action goes by which, and what looking after them costs."""
+"""Many crossings of one robot at a time: which action goes by which, and what looking after them costs."""
 
 import sys
 
@@ -15,7 +15,7 @@ wanted(R, N) -o charge(R, N).
 
 
 def with_jobs(count: int) -> Flock:
-    """Return a robot, and an idle one that it asks, with `count` open jobs: their actions wait for their turns."""
+    """Return a robot, and an idle one that it asks, with `count` open jobs: their actions wait for their crossings."""
     flock = Flock(CHARGES, 2, action_s=5.0)
     for number in range(count):
         flock.insert(1, "need", number)
@@ -43,13 +43,13 @@ def steps(function, *args) -> int:
 def test_looking_after_eight_times_the_jobs_costs_eight_times_as_much():
     few, many = with_jobs(5), with_jobs(40)
     assert [len(flock.node(1).actions.held) for flock in (few, many)] == [5, 40]
-    assert steps(many.node(1).turns.step, many.kernel.now) < 9 * steps(few.node(1).turns.step, few.kernel.now)
+    assert steps(many.node(1).crossings.step, many.kernel.now) < 9 * steps(few.node(1).crossings.step, few.kernel.now)
 
 
-def test_a_turn_knows_its_action_until_that_has_ended():
+def test_a_crossing_knows_its_action_until_that_has_ended():
     flock = with_jobs(1)
     running = flock.node(1).actions.held[0]
-    assert running.turn.action is running
+    assert running.permit.action is running
     flock.wait(10.0)
     assert running.over
-    assert running.turn.action is None
+    assert running.permit.action is None

@@ -13,7 +13,7 @@ from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Throttle
 from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there, watch_admission
-from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
+from rmr_agent.robot import SAY_AGAIN_S, HostedRobot, RobotSetup
 
 log = logging.getLogger("rmr")
 
@@ -22,7 +22,7 @@ async def live(
     robots: Sequence[int],
     connect: str,
     lab: str | None,
-    carried: Carried,
+    setup: RobotSetup,
     ending: Ending,
     secret: Secret | None = None,
 ) -> None:
@@ -38,20 +38,20 @@ async def live(
     bus = opening.result()
     buses = [bus, *map(bus.seat, robots[1:])]
     seated = zip(robots, buses, strict=True)
-    crew = [HostedRobot(robot, robots[0], seat, connect, lab, carried, ending) for robot, seat in seated]
-    lives = asyncio.gather(*(robot.run() for robot in crew))
-    asking = asyncio.ensure_future(_pass_on(ending, crew))
+    hosted = [HostedRobot(robot, robots[0], seat, connect, lab, setup, ending) for robot, seat in seated]
+    lives = asyncio.gather(*(robot.run() for robot in hosted))
+    asking = asyncio.ensure_future(_pass_on(ending, hosted))
     admission = asyncio.ensure_future(watch_admission(bus, connect, secret, lambda why: log.warning("%s", why)))
     try:
         await lives
     finally:
         asking.cancel()
         admission.cancel()
-    ending.ask(crew[-1].leaving.reason)
+    ending.ask(hosted[-1].leaving.reason)
 
 
-async def _pass_on(ending: Ending, crew: Sequence[HostedRobot]) -> None:
+async def _pass_on(ending: Ending, hosted: Sequence[HostedRobot]) -> None:
     """Ask every robot to leave once the process shall end."""
     await ending.wait()
-    for robot in crew:
+    for robot in hosted:
         robot.leaving.ask(ending.reason, ending.code)

@@ -1,0 +1,370 @@
+"""One crossing: a job's use of a shared resource, as a state machine (phases and transitions: `phases`).
+
+Values in, values out. `step` is given the situation of this tick, `handle` an event of the coordination core; both
+return commands, which `rmr.node.crossing.crossings` carries out. A crossing knows one resource, that of its group: a
+robot may have any number of them at a time. To the action that serves the job it is the permit to begin.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Point
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
+from rmr.node.actions.dispatcher import RunningAction
+from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
+from rmr.node.crossing.phases import (
+    IGNORED,
+    TRANSITIONS,
+    Asking,
+    Inside,
+    Left,
+    OwnEvent,
+    Phase,
+    Preparing,
+    SlotEvent,
+    Slotted,
+    phase_name,
+)
+from rmr.node.crossing.situation import (
+    EXTEND_BEFORE,
+    ChangeRank,
+    Command,
+    CrossingPlan,
+    InsideUntil,
+    Leave,
+    OpenHoldLine,
+    Request,
+    Revise,
+    SetReady,
+    Situation,
+    TraceEntry,
+    Unforeseen,
+    Withdraw,
+)
+from rmr.vm.job import TimedJob
+
+POLL_EVERY: Final[Duration] = milliseconds(500)
+"""How often a robot that waits compares its own estimate with its slot."""
+LEAVE_EARLY: Final[Duration] = milliseconds(300)
+"""An action is released this much before it must be under way to reach the commit line on time."""
+REPLAN_BEFORE: Final[Duration] = seconds(3)
+"""Earlier before its slot a robot keeps its route: to the entrance any is the same, and ranks still change."""
+TRIGGERS_APART: Final[Duration] = milliseconds(10)
+"""Two triggers of one robot differ by this at least: the grid of instants in frames."""
+
+
+@dataclass(slots=True)
+class Course:
+    """Where the robot is sent while it is under way."""
+
+    destination: Point | None = None
+    """The place that the robot has taken, until its route there is planned."""
+    planned_at: Instant = 0
+    """When a route was planned last."""
+    replan_from: Instant = 0
+    """Before the entrance a route is planned from then on, since the newest slot is near."""
+
+    def send(self, destination: Point | None) -> None:
+        """Send the robot to `destination`; None: no longer anywhere else."""
+        self.destination = destination
+
+    def planned(self, now: Instant) -> None:
+        """Note that a route has been planned."""
+        self.destination = None
+        self.planned_at = now
+
+
+@dataclass(slots=True)
+class Crossing:
+    """A job's use of one shared resource."""
+
+    job: TimedJob
+    group_id: bytes
+    """Six octets that name the group of those that contend for the resource."""
+    trigger: Instant
+    """With the robot the identity of the request."""
+    goal: Area | None
+    """Where the serving action leads; None when it does not move the robot to an area."""
+    phase: Phase = field(default_factory=Preparing)
+    plan: CrossingPlan = field(default_factory=CrossingPlan)
+    release: Instant = 0
+    """The robot cannot be at its commit line before, as the leader has heard."""
+    late: Lateness = field(default_factory=Lateness)
+    course: Course = field(default_factory=Course)
+    beyond: bool = False
+    """Whether the robot had the resource behind it when it asked."""
+    rank: int = 0
+    place: int = 0
+    """The robot is the place-th of those that go its direction; 0: not known."""
+    entered_at: Instant = 0
+    """When the robot entered last; 0: never."""
+    serving: list[RunningAction] = field(default_factory=list)
+    """The actions that wait for this crossing, or are under way by it; rarely more than one."""
+
+    # -- what others ask ------------------------------------------------------------------------------------
+
+    @property
+    def action(self) -> RunningAction | None:
+        """The action that serves the job, the one under way before those that wait."""
+        for running in self.serving:
+            if running.started is not None:
+                return running
+        return self.serving[0] if self.serving else None
+
+    @property
+    def waits(self) -> bool:
+        """Whether the robot may not enter yet."""
+        return not isinstance(self.phase, (Inside, Left))
+
+    @property
+    def over(self) -> bool:
+        """Whether the robot has left, or needs no crossing."""
+        return isinstance(self.phase, Left)
+
+    @property
+    def deadline(self) -> Instant:
+        """By when the robot wants to be clear of the resource, as the leader hears it."""
+        demoted_at = self.late.demoted_at
+        return self.job.deadline - self.plan.after if demoted_at is None else demoted_at
+
+    def released(self, now: Instant) -> bool:
+        """Return whether the action that serves the job may begin."""
+        if not self.waits or self.job.finish is not None:
+            return True
+        in_time = self.plan.obstructs_exit or now >= self._sets_out_at
+        return self.plan.gated and isinstance(self.phase, Slotted) and in_time
+
+    def leaves_after(self, instant: Instant) -> bool:
+        """Return whether the robot, which stands, has a slot for which it need not set out before `instant`."""
+        running = self.action
+        stands = running is None or running.started is None
+        return self.plan.gated and stands and not self.plan.obstructs_exit and instant < self._sets_out_at < NEVER
+
+    @property
+    def _sets_out_at(self) -> Instant:
+        """When the action has to begin for the slot; NEVER without one."""
+        phase = self.phase
+        return phase.start - self.plan.approach - LEAVE_EARLY if isinstance(phase, Slotted) else NEVER
+
+    @property
+    def next_wake(self) -> Instant:
+        """When `step` has something to do even if nothing happens."""
+        phase = self.phase
+        if isinstance(phase, Left):
+            return NEVER
+        if isinstance(phase, Inside):
+            return phase.end - self.plan.notice
+        sets_out_at, poll_at = self._sets_out_at, phase.polled_at + POLL_EVERY
+        return min(poll_at, sets_out_at) if sets_out_at > phase.polled_at else poll_at
+
+    def poll_is_due(self, now: Instant) -> bool:
+        """Return whether `step` compares a new estimate with what the leader has heard."""
+        phase = self.phase
+        return isinstance(phase, (Asking, Slotted)) and self.plan.gated and now - phase.polled_at >= POLL_EVERY
+
+    def release_may_be_old(self) -> bool:
+        """Return whether a new leader must hear another release: without a slot a robot is no nearer than it was."""
+        return isinstance(self.phase, Asking) and self.plan.gated
+
+    def hold_line(self) -> OpenHoldLine:
+        """Return what the phase allows at the hold line."""
+        return OpenHoldLine(self.phase.start if isinstance(self.phase, Slotted) else None, opened=not self.waits)
+
+    # -- the machine ----------------------------------------------------------------------------------------
+
+    def _enter(self, event: type | OwnEvent, phase: Phase) -> None:
+        """Enter `phase` by `event`: nothing else writes the phase."""
+        assert TRANSITIONS[type(self.phase), event] is type(phase), (self.phase, event, phase)
+        self.phase = phase
+
+    def step(self, now: Instant, situation: Situation) -> list[Command]:
+        """Go on by what the robot finds in this tick."""
+        phase = self.phase
+        if isinstance(phase, Left):
+            return []
+        if isinstance(phase, Inside):
+            return self._pass(now, phase, situation)
+        if isinstance(phase, Preparing):
+            return self._request(now, phase, situation)
+        if self.beyond and situation.excused:
+            self._enter(OwnEvent.EXCUSED, Left())
+            return [Withdraw()]
+        commands = self._poll(now, phase, situation)
+        return commands if isinstance(self.phase, Preparing) else [*commands, SetReady(situation.ready)]
+
+    def handle(self, now: Instant, event: SlotEvent, situation: Situation) -> list[Command]:
+        """Take in what the coordination core tells."""
+        transition = type(self.phase), type(event)
+        if transition not in TRANSITIONS:
+            name = phase_name(self.phase), type(event).__name__
+            return [] if transition in IGNORED else [Unforeseen(*name)]
+        match event:
+            case SlotAssigned():
+                return self._take_slot(event)
+            case Entered(end=end, cautious=cautious):
+                self._enter(Entered, Inside(end, situation.route))
+                self.entered_at = now
+                entry = TraceEntry("entered", {"event": self.job.event, "cautious": cautious})
+                return [self.hold_line(), entry]
+            case SlotLost() | EntryMissed():
+                return self._lose_slot(now, event, situation)
+
+    def renew(self, now: Instant, job: TimedJob, goal: Area | None) -> list[Command]:
+        """Give up what was requested, so that a new request follows."""
+        given_up: list[Command] = [] if isinstance(self.phase, (Preparing, Left)) else [Withdraw()]
+        self._enter(OwnEvent.RENEWED, Preparing())
+        self.job = job
+        self.goal = goal
+        self.late.committed = False
+        self.trigger = max(now, self.trigger + TRIGGERS_APART)
+        return [*given_up, self.hold_line()]
+
+    def restart(self, now: Instant, job: TimedJob, goal: Area | None) -> list[Command]:
+        """Take over a job that was started anew before it had ended; whoever is inside goes on."""
+        if isinstance(self.phase, Inside):
+            self.job = job
+            return []
+        self.late.forget()
+        self.release = 0
+        return self.renew(now, job, goal)
+
+    def lead_to(self, now: Instant, goal: Area | None) -> list[Command]:
+        """Take the goal from the action, where the job does not say it: the route may be another than was told."""
+        if self.goal == goal or isinstance(self.phase, Inside):
+            return []
+        if not isinstance(self.phase, Preparing):
+            return self.renew(now, self.job, goal)
+        self.goal = goal
+        return []
+
+    def retry(self, now: Instant, plan: CrossingPlan | None) -> list[Command]:
+        """Request again for another try of a job that has not ended: not if the route, anew, passes no entrance.
+
+        Then the robot has the resource behind it. That the crossing was gated stays so, for the try after that.
+        """
+        passes = plan is None or plan.gated or not self.plan.gated
+        if plan is not None and self.plan.gated:
+            self.plan = replace(plan, gated=True)
+        return self.renew(now, self.job, self.goal) if passes else []
+
+    def finish(self) -> list[Command]:
+        """Handle the end of the job before the robot has entered."""
+        requested = not isinstance(self.phase, Preparing)
+        self._enter(OwnEvent.JOB_OVER, Left())
+        return [Withdraw()] if requested else []
+
+    def leave(self) -> list[Command]:
+        """Leave: the robot is clear of the resource."""
+        self._enter(OwnEvent.CLEARED, Left())
+        return [Leave(), TraceEntry("left", {"event": self.job.event})]
+
+    def follow_leader(self, now: Instant, situation: Situation) -> list[Command]:
+        """Tell a new leader the release of today, if `release_may_be_old`."""
+        if not situation.may_ask:
+            return []
+        self.plan = situation.plan or self.plan
+        self.release = max(self.release, now + self.plan.approach)
+        return [Revise(self.release)]
+
+    # -- phase by phase -------------------------------------------------------------------------------------
+
+    def _request(self, now: Instant, phase: Preparing, situation: Situation) -> list[Command]:
+        self.plan = situation.plan or self.plan
+        if not situation.may_ask:
+            phase.polled_at = now if situation.pose is not None else phase.polled_at
+            return []
+        self.beyond = situation.beyond
+        if situation.excused:
+            self._enter(OwnEvent.EXCUSED, Left())
+            return []
+        self._enter(OwnEvent.REQUESTED, Asking(now))
+        plan = self.plan
+        self.release = max(self.release, now + plan.approach)
+        times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
+        fields = {name: in_seconds(time) for name, time in times.items()}
+        return [TraceEntry("asks", {**fields, "way": plan.direction}), Request(self._job_request())]
+
+    def _job_request(self) -> JobRequest:
+        plan = self.plan
+        return JobRequest(
+            group_id=self.group_id,
+            trigger=self.trigger,
+            release=self.release,
+            duration=plan.inside,
+            deadline=self.deadline,
+            headway=plan.headway,
+            direction=plan.direction,
+            inside=plan.within,
+            underway=self.late.committed,
+            postpones=plan.gated,
+        )
+
+    def _poll(self, now: Instant, phase: Asking | Slotted, situation: Situation) -> list[Command]:
+        """Compare the robot's own estimate with its slot, and with what the leader has heard."""
+        if not self.poll_is_due(now):
+            return []
+        phase.polled_at = now
+        if situation.within:  # pushed in, or its slot was lost there: it has to get out
+            return self.renew(now, self.job, self.goal)
+        self.plan = situation.plan or self.plan
+        slot = phase.start if isinstance(phase, Slotted) else None
+        symptom = self.late.diagnose(now, situation, self.plan.approach, self.release, slot)
+        return [] if symptom is None else self._treat(now, symptom)
+
+    def _treat(self, now: Instant, symptom: Symptom) -> list[Command]:
+        release = self.late.treat(now, symptom, self.plan.approach)
+        if release is None:
+            return []
+        self.release = release
+        return [Revise(release, self.deadline, self.late.committed)]
+
+    def _take_slot(self, event: SlotAssigned) -> list[Command]:
+        phase = self.phase
+        assert isinstance(phase, (Asking, Slotted))
+        self._enter(SlotAssigned, Slotted(event.start, phase.polled_at))
+        self.course.replan_from = event.start - REPLAN_BEFORE
+        times = {"start_s": in_seconds(event.start), "end_s": in_seconds(event.end)}
+        commands: list[Command] = [TraceEntry("slotted", {"rank": event.rank, **times})]
+        if (event.rank, event.place) != (self.rank, self.place):
+            self.rank = event.rank
+            self.place = event.place
+            commands.append(ChangeRank())
+        return [*commands, self.hold_line()]
+
+    def _lose_slot(self, now: Instant, event: SlotLost | EntryMissed, situation: Situation) -> list[Command]:
+        missed = isinstance(event, EntryMissed)
+        revised: list[Command] = []
+        if missed and self.plan.gated and not situation.ready:
+            cannot_be_passed = situation.late_goes_next and situation.set_out and self.plan.approach <= NEAR_ENTRANCE
+            revised = self._treat(now, Symptom.RETRY_NEXT if cannot_be_passed else Symptom.SLOT_WASTED)
+        self._enter(type(event), Asking(0))
+        return [*revised, self.hold_line(), TraceEntry("slot_lost", {"event": self.job.event, "missed": missed})]
+
+    def _pass(self, now: Instant, phase: Inside, situation: Situation) -> list[Command]:
+        """Go on inside until the robot is clear."""
+        if not self.plan.gated:
+            if self.job.finish is not None:
+                return self.leave()
+            return self._extend(phase, now + UNKNOWN_INSIDE) if phase.end < now + self.plan.notice else []
+        phase.route = situation.route
+        if situation.within:  # its action is still to begin
+            return self._extend(phase, now + UNKNOWN_INSIDE)
+        if self._leaves_entry_unused(now, situation):
+            self._treat(now, Symptom.ENTRY_UNUSED)
+            return self.renew(now, self.job, self.goal)
+        if situation.cleared:
+            return self.leave()
+        end = now + max(situation.eta_clear, EXTEND_BEFORE)
+        return self._extend(phase, end) if abs(end - phase.end) > REVISE_FROM else []
+
+    def _leaves_entry_unused(self, now: Instant, situation: Situation) -> bool:
+        """Return whether the robot gives its entry back, since somebody is in its way who waits for his own."""
+        stands = situation.before_hold_line and now - self.entered_at > POLICIES[Symptom.ENTRY_UNUSED].after
+        return not self.plan.within and (situation.retreating or stands)
+
+    def _extend(self, phase: Inside, end: Instant) -> list[Command]:
+        phase.end = end
+        return [InsideUntil(end)]

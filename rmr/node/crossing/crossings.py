@@ -1,0 +1,298 @@
+"""All crossings of one robot: how a time assertion's job gets its use of a shared resource (paper IV.C).
+
+A job whose finish some action serves takes part in the distributed schedule of its group. This module stands between
+three machines that know nothing of each other: the jobs of the virtual machine, the coordination core, and the
+navigator. It gives each crossing its situation and carries out the commands that the crossing returns. Crossings are
+kept by group: a robot may have one for each of any number of resources.
+"""
+
+from collections.abc import Sequence
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Point
+from rmr.base.streams import stable_hash
+from rmr.base.time import NEVER, Instant
+from rmr.base.values import Symbol, Value
+from rmr.coord.coordination import Coordination
+from rmr.coord.events import (
+    CoordEvent,
+    LeaderChanged,
+    LeadershipBegan,
+    LeadershipEnded,
+    PathReceived,
+    ScheduleChanged,
+)
+from rmr.coord.timing import Order
+from rmr.node.actions.dispatcher import Permit, RunningAction
+from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
+from rmr.node.crossing.destination import Destinations
+from rmr.node.crossing.observer import Observer
+from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
+from rmr.node.crossing.request import area_among, goal_of
+from rmr.node.crossing.shared_path import GROUPS_KEPT, SharedPaths, keep
+from rmr.node.crossing.situation import (
+    ChangeRank,
+    Command,
+    InsideUntil,
+    Leave,
+    OpenHoldLine,
+    Request,
+    Revise,
+    SetReady,
+    TraceEntry,
+    Unforeseen,
+    Withdraw,
+)
+from rmr.node.crossing.surroundings import Surroundings
+from rmr.vm.job import TimedJob
+
+
+class Crossings:
+    """All crossings of one robot."""
+
+    def __init__(self, around: Surroundings, core: Coordination, digest: int) -> None:
+        self._around = around
+        self._core = core
+        self._digest = digest
+        self._observer = Observer(around, core)
+        self._crossings: dict[bytes, Crossing] = {}
+        self._paths = SharedPaths(around, core, self.name_of)
+        self.destinations = Destinations(around)
+        self.schedules: dict[bytes, ScheduleChanged] = {}
+        """The newest schedule of each group."""
+        self.next_wake: Instant = NEVER
+        """When `step` has something to do even if nothing happens; at most once a frame."""
+
+    # -- jobs -----------------------------------------------------------------------------------------------
+
+    def started(self, now: Instant, job: TimedJob) -> None:
+        """Handle a job that has started: it asks for a slot as soon as the robot knows where it is."""
+        assertion = self._around.program.assertions[job.assertion]
+        alone = self._around.config.timing.order is Order.NONE
+        if alone or not assertion.scheduled or not assertion.serving:
+            return
+        group_id, goal = self.group_of(job), self._goal_of(job)
+        old = self._crossings.get(group_id)
+        if old is not None and not old.over:
+            self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
+            return
+        trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
+        self._crossings.pop(group_id, None)  # the newest crossing is the last
+        self._crossings[group_id] = Crossing(job, group_id, trigger, goal)
+        self._forget()
+        self._ask(now, self._crossings[group_id])
+
+    def finished(self, now: Instant, job: TimedJob) -> None:
+        """Handle a job that has ended: its crossing is over, or will be as soon as the robot is clear."""
+        crossing = self._crossing_of(job)
+        if crossing is None or crossing.over:
+            return
+        if isinstance(crossing.phase, Inside):
+            self._step(now, crossing)
+        else:
+            self._execute(now, crossing, crossing.finish())
+
+    def _ask(self, now: Instant, crossing: Crossing) -> None:
+        """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
+        servings = self._around.program.assertions[crossing.job.assertion].serving
+        drives = any(self._around.robot.drives_to_area(serving.action) for serving in servings)
+        if isinstance(crossing.phase, Preparing) and (crossing.goal is not None or not drives):
+            self._step(now, crossing)
+
+    def _forget(self) -> None:
+        """Keep memory bounded: drop the oldest crossings that are over, with what is known of their groups."""
+        over = [group_id for group_id, crossing in self._crossings.items() if crossing.over]
+        for group_id in over[: max(0, len(self._crossings) - GROUPS_KEPT)]:
+            del self._crossings[group_id]
+            self.schedules.pop(group_id, None)
+
+    def group_of(self, job: TimedJob) -> bytes:
+        """Return the six octets that name the group of `job`: program, assertion and finish arguments."""
+        return stable_hash(f"{self._digest}/{job.assertion}/{job.event}", 6).to_bytes(6, "big")
+
+    def _crossing_of(self, job: TimedJob) -> Crossing | None:
+        crossing = self._crossings.get(self.group_of(job))
+        return None if crossing is None or crossing.job is not job else crossing
+
+    def _goal_of(self, job: TimedJob) -> Area | None:
+        around = self._around
+        return goal_of(around.program, around.config.arena, around.robot.drives_to_area, job)
+
+    # -- actions --------------------------------------------------------------------------------------------
+
+    def permit(self, now: Instant, job: TimedJob, action: int, args: Sequence[Value]) -> Permit | None:
+        """Return the crossing by which `action` goes, which serves `job`, which has not ended.
+
+        A crossing that was used up without an end of the job, by an action that failed, is asked for again: else the
+        next try would go while others have their slots.
+        """
+        crossing = self._crossing_of(job)
+        if crossing is None:
+            return None
+        if crossing.over:
+            plan = self._observer.estimate(now, crossing)[1] if crossing.plan.gated else None
+            self._renewed(now, crossing, crossing.retry(now, plan))
+        if self._around.robot.drives_to_area(action) and self._goal_of(job) is None:
+            goal = area_among(self._around.config.arena, args)
+            self._renewed(now, crossing, crossing.lead_to(now, goal))
+        return crossing
+
+    def _renewed(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
+        """Carry out what gives up a request, if it has been given up, and request again."""
+        if commands:
+            self._execute(now, crossing, commands)
+            self._ask(now, crossing)
+
+    def crossing(self, running: RunningAction | None) -> Crossing | None:
+        """Return the crossing by which an action goes."""
+        permit = None if running is None else running.permit
+        return permit if isinstance(permit, Crossing) else None
+
+    def action_derived(self, running: RunningAction) -> None:
+        """Note that an action serves its crossing."""
+        crossing = self.crossing(running)
+        if crossing is not None:
+            crossing.serving.append(running)
+
+    def action_ended(self, now: Instant, running: RunningAction) -> None:
+        """Handle the end of an action; where several serve a crossing, the last one ends it."""
+        crossing = self.crossing(running)
+        if crossing is None:
+            return
+        crossing.serving.remove(running)
+        if isinstance(crossing.phase, Inside) and not crossing.plan.gated and not crossing.serving:
+            self._execute(now, crossing, crossing.leave())
+
+    def depart(self, now: Instant, goal: Point, heading: float | None, permit: Permit | None) -> None:
+        """Set out for `goal`, facing `heading` in the end; by a gated crossing through its hold line."""
+        around = self._around
+        assert around.wheels is not None
+        crossing = permit if isinstance(permit, Crossing) else None
+        gated = crossing is not None and crossing.plan.gated and not crossing.over
+        shared = self._paths.path(crossing.group_id, crossing.plan.direction) if crossing and gated else None
+        around.wheels.depart(now, goal, around.peers, heading=heading, gated=gated, shared=shared)
+        if crossing is not None:
+            crossing.course.planned(now)
+            if gated:
+                self._execute(now, crossing, [crossing.hold_line()])
+
+    # -- what others ask ------------------------------------------------------------------------------------
+
+    @property
+    def current(self) -> Crossing | None:
+        """The newest crossing that is not over."""
+        return next((crossing for crossing in reversed(self._crossings.values()) if not crossing.over), None)
+
+    def entered_since(self, instant: Instant) -> bool:
+        """Return whether the robot has entered after `instant`."""
+        return any(crossing.entered_at > instant for crossing in self._crossings.values())
+
+    @property
+    def slot_wasted(self) -> bool:
+        """Whether a slot has been of no use: the robot could not get to the entrance."""
+        return any(crossing.late.slots_wasted and not crossing.over for crossing in self._crossings.values())
+
+    @property
+    def beyond(self) -> bool:
+        """Whether the robot has a resource behind it: there is no queue in which it should wait for its slot."""
+        return any(crossing.beyond for crossing in self._crossings.values())
+
+    @property
+    def rank(self) -> int:
+        """The robot's place in the newest crossing's schedule, 0 without one."""
+        return next((crossing.rank for crossing in reversed(self._crossings.values()) if crossing.rank), 0)
+
+    def name_of(self, group_id: bytes) -> Symbol | None:
+        """Return the name of the assertion behind a group."""
+        crossing = self._crossings.get(group_id)
+        return None if crossing is None else Symbol(crossing.job.name)
+
+    # -- each call ------------------------------------------------------------------------------------------
+
+    def step(self, now: Instant) -> None:
+        """Advance every crossing."""
+        soonest = NEVER
+        for crossing in self._crossings.values():
+            if crossing.course.destination is not None:
+                self.destinations.follow(now, crossing)
+            if crossing.over:
+                continue
+            prepared = isinstance(crossing.phase, Preparing)
+            self._step(now, crossing)
+            if not prepared:
+                self._ask(now, crossing)
+            soonest = min(soonest, crossing.next_wake)
+        self.next_wake = max(soonest, self._around.robot.frame_ends) if soonest < NEVER else NEVER
+
+    def _step(self, now: Instant, crossing: Crossing) -> None:
+        self._execute(now, crossing, crossing.step(now, self._observer.situation(now, crossing)))
+
+    def handle(self, now: Instant, event: CoordEvent) -> None:
+        """Take in one event of the coordination core."""
+        group_id = event.group_id
+        match event:
+            case PathReceived(direction=direction, path=path):
+                self._paths.received(group_id, direction, path)
+            case LeadershipBegan(term=term):
+                self._around.robot.trace(now, "leads", term=term)
+                self._leader_changed(now, group_id, leads=True)
+                crossing = self._crossings.get(group_id)
+                if crossing is not None:
+                    self._paths.offer(now, crossing)
+            case LeadershipEnded() | LeaderChanged():
+                self._leader_changed(now, group_id, leads=False)
+            case ScheduleChanged(leader=leader, term=term, order=order):
+                keep(self.schedules, group_id, event)
+                self._around.robot.trace(now, "scheduled", leader=leader, term=term, order=list(order))
+            case _:
+                self._handle_slot(now, event)
+
+    def _leader_changed(self, now: Instant, group_id: bytes, *, leads: bool) -> None:
+        self._paths.leads(now, group_id, does=leads)
+        crossing = self._crossings.get(group_id)
+        if crossing is not None:
+            self._execute(now, crossing, crossing.follow_leader(now, self._observer.for_new_leader(now, crossing)))
+
+    def _handle_slot(self, now: Instant, event: SlotEvent) -> None:
+        crossing = self._crossings.get(event.group_id)
+        if crossing is None:
+            return
+        if not crossing.over:
+            self.next_wake = min(self.next_wake, self._around.robot.frame_ends)
+        self._execute(now, crossing, crossing.handle(now, event, self._observer.at_event(crossing)))
+
+    def _execute(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
+        """Carry out what a crossing orders: nothing else tells the coordination core of it."""
+        core, group_id = self._core, crossing.group_id
+        for command in commands:
+            match command:
+                case SetReady(ready=ready):
+                    core.ready(now, group_id, ready)
+                case InsideUntil(end=end):
+                    core.inside_until(now, group_id, end)
+                case Revise(release=release, deadline=deadline, committed=committed):
+                    core.revise(now, group_id, release=release, deadline=deadline, underway=committed)
+                case Request(request=request):
+                    core.trigger(now, request)
+                case Withdraw():
+                    core.withdraw(now, group_id)
+                case Leave():
+                    core.leave(now, group_id)
+                case _:
+                    self._execute_here(now, crossing, command)
+
+    def _execute_here(
+        self, now: Instant, crossing: Crossing, command: OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
+    ) -> None:
+        """Carry out what concerns the robot alone."""
+        robot, wheels = self._around.robot, self._around.wheels
+        match command:
+            case OpenHoldLine(opens_at=opens_at, opened=opened):
+                if wheels is not None and self.crossing(robot.driving) is crossing:
+                    wheels.navigator.gate(opens_at, opened)
+            case ChangeRank():
+                self.destinations.rank_changed(now, crossing)
+            case TraceEntry(what=what, fields=fields):
+                robot.trace(now, what, **fields)
+            case Unforeseen():
+                robot.tell(command)

@@ -1,0 +1,147 @@
+"""What a crossing's step is given: one situation a tick, of one robot and one resource.
+
+Cheap facts are stated in every tick. An estimate plans a route, which costs milliseconds and is kept for a while, so it
+is made only where the crossing's step is about to use it: to ask, at a poll, and for a new leader.
+"""
+
+from dataclasses import replace
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Pose
+from rmr.base.time import Instant
+from rmr.coord.coordination import Coordination
+from rmr.node.crossing import resource
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.lateness import READY
+from rmr.node.crossing.phases import Inside, Preparing
+from rmr.node.crossing.situation import CrossingPlan, Situation
+from rmr.node.crossing.surroundings import Surroundings, Wheels
+from rmr.node.motion.estimate import Estimate
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import Route
+
+
+class Observer:
+    """Observes one robot for all of its crossings."""
+
+    def __init__(self, around: Surroundings, core: Coordination) -> None:
+        self._around = around
+        self._core = core
+
+    def situation(self, now: Instant, crossing: Crossing) -> Situation:
+        """Return what the next step of `crossing` needs."""
+        phase = crossing.phase
+        if isinstance(phase, Preparing):
+            return self.before_request(now, crossing)
+        wheels = self._around.wheels
+        if isinstance(phase, Inside):
+            if wheels is None or not crossing.plan.gated:
+                return Situation()
+            return inside(wheels.navigator, crossing, self._around.pose, phase.route)
+        if crossing.beyond and self._core.passes(crossing.group_id):
+            return Situation(excused=True)
+        if wheels is not None and crossing.poll_is_due(now):
+            return self._polled(now, crossing, wheels.navigator)
+        return self.at_event(crossing)
+
+    def at_event(self, crossing: Crossing, *, gated: bool | None = None) -> Situation:
+        """Return what costs nothing, which is all that events need."""
+        wheels, action = self._around.wheels, crossing.action
+        navigator = None if wheels is None else wheels.navigator
+        set_out = action is not None and action.started is not None
+        ready = action is not None
+        if crossing.plan.gated if gated is None else gated:
+            ready = set_out and navigator is not None and navigator.reaches_gate(READY)
+        return Situation(
+            late_goes_next=self._around.config.profile.late_goes_next,
+            set_out=set_out,
+            ready=ready,
+            route=None if navigator is None else resource.entered_route(navigator),
+        )
+
+    def before_request(self, now: Instant, crossing: Crossing) -> Situation:
+        """Return what a request depends on."""
+        pose, goal = self._around.pose, crossing.goal
+        may_ask, plan = self.estimate(now, crossing)
+        gated = (plan or crossing.plan).gated
+        beyond = False
+        if may_ask and not gated and goal is not None and pose is not None:
+            beyond = resource.is_beyond(self._around.config.arena, goal, pose)
+        excused = beyond and self._core.passes(crossing.group_id)
+        return Situation(pose=pose, may_ask=may_ask, plan=plan, beyond=beyond, excused=excused)
+
+    def for_new_leader(self, now: Instant, crossing: Crossing) -> Situation:
+        """Return what a new leader has to hear."""
+        if not crossing.release_may_be_old():
+            return Situation()
+        may_ask, plan = self.estimate(now, crossing)
+        return Situation(may_ask=may_ask, plan=plan)
+
+    def estimate(self, now: Instant, crossing: Crossing) -> tuple[bool, CrossingPlan | None]:
+        """Return whether the robot may ask by what it knows, and a new estimate; None: no other than before."""
+        around, goal = self._around, crossing.goal
+        if around.wheels is None:
+            expected = around.config.turn
+            return True, CrossingPlan(inside=expected, headway=expected, notice=0)
+        if goal is None:
+            return True, None
+        pose = around.pose
+        if pose is None:
+            return False, None
+        found = around.wheels.approach.estimate(pose, goal.places[0])
+        if found is None:
+            return True, None
+        if found.inside <= 0:
+            return True, CrossingPlan(inside=found.approach, headway=found.approach)
+        plan = self._gated(around.wheels, found, goal, pose)
+        first = isinstance(crossing.phase, Preparing) and not plan.within
+        return not (first and around.config.profile.listens_first and around.wheels.listens(now, around.peers)), plan
+
+    def _gated(self, wheels: Wheels, found: Estimate, goal: Area, pose: Pose) -> CrossingPlan:
+        arena = self._around.config.arena
+        return CrossingPlan(
+            gated=True,
+            direction=found.way,
+            approach=found.approach,
+            inside=found.inside,
+            after=found.after,
+            headway=wheels.approach.headway(goal, found.way),
+            within=found.within or resource.stands_within(arena, goal, pose),
+            obstructs_exit=resource.obstructs_exit(arena, goal, pose),
+        )
+
+    def _polled(self, now: Instant, crossing: Crossing, navigator: Navigator) -> Situation:
+        """Return what a poll compares: a robot that stands inside has to get out, whatever its estimate is."""
+        if finds_itself_within(navigator.arena, crossing, self._around.pose):
+            return Situation(within=True)
+        pose = self._around.pose
+        _, plan = self.estimate(now, crossing)
+        gated = (plan or crossing.plan).gated
+        return replace(
+            self.at_event(crossing, gated=gated),
+            pose=pose,
+            plan=plan,
+            in_entrance=resource.in_entrance(navigator, crossing.goal, pose, gated=gated),
+        )
+
+
+def finds_itself_within(arena: Arena, crossing: Crossing, pose: Pose | None, slack_m: float = 0.0) -> bool:
+    """Return whether the robot at `pose` stands in the resource of `crossing`, or within `slack_m` of that."""
+    goal = crossing.goal
+    return pose is not None and goal is not None and resource.stands_within(arena, goal, pose, slack_m)
+
+
+def inside(navigator: Navigator, crossing: Crossing, pose: Pose | None, entered: Route | None) -> Situation:
+    """Return how a robot at `pose` gets on inside, which has `entered` by that route as far as is known."""
+    ahead, passed = resource.entered_route(navigator), navigator.passed_gate
+    route = entered or ahead
+    starts = crossing.plan.within and route is None  # its action is still to begin
+    if starts and finds_itself_within(navigator.arena, crossing, pose, resource.OFF_ROUTE_M):
+        return Situation(within=True)
+    return Situation(
+        route=route,
+        retreating=navigator.aside and not passed,
+        before_hold_line=ahead is not None and not ahead.within and not passed,
+        cleared=resource.is_clear(navigator, route, pose),
+        eta_clear=navigator.eta_clear(),
+    )

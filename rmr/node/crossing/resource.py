@@ -1,0 +1,112 @@
+"""Where a shared resource lies and where a robot stands beside it: geometry of the arena, without memory.
+
+A resource is a narrow section that robots use in turns, entered by one entrance or by either of two. Routes tell where
+its entrance and its end are; hold line and commit line come with the route (`rmr.node.motion.gate`).
+"""
+
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose, distance
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import Route, leader_route
+
+OFF_ROUTE_M: Final = 0.15
+"""A robot farther than this from the route through a resource is not on it."""
+IN_ENTRANCE_M: Final = 0.02
+"""Nearer to an entrance than two radii and this a robot keeps others out."""
+NARROW_RADII: Final = 4.0
+"""A shorter section than this is passed in a moment: standing in it means nothing."""
+
+
+class EntryRoute(NamedTuple):
+    """The route to a goal from the entrance behind which it lies."""
+
+    route: Route
+    entrance: Point
+    entrance_m: float
+    """Arc length of the entrance on the route."""
+
+
+def located(route: Route, pose: Pose) -> tuple[float, float]:
+    """Return the arc length of the point of `route` nearest to `pose`, and how far away that is, metres."""
+    s = route.project(pose.x, pose.y, 0.0, route.length_m)
+    return s, distance(*route.point(s), pose.x, pose.y)
+
+
+@lru_cache(maxsize=64)
+def entry_route(arena: Arena, goal: Point) -> EntryRoute | None:
+    """Return the route to `goal` from the entrance behind which it lies; None where no narrow section is on it."""
+    for entrance in arena.mouths:
+        route = leader_route(arena, entrance, goal, (), through_gate=True)
+        if route is None or route.gate_m is None:
+            continue
+        if route.clear_m - route.gate_m > NARROW_RADII * arena.shape.radius:
+            return EntryRoute(route, entrance, route.gate_m)
+    return None
+
+
+def entered_route(navigator: Navigator) -> Route | None:
+    """Return the route that the robot follows, if that leads through a resource."""
+    route = navigator.route
+    return None if route is None or route.gate_m is None else route
+
+
+def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) -> bool:
+    """Return whether a robot at `pose` stands in the resource on the way to `goal`, or within `slack_m` of that."""
+    entry = entry_route(arena, goal.places[0])
+    if entry is None:
+        return False
+    s, off_m = located(entry.route, pose)
+    inset_m = arena.shape.radius - slack_m
+    return off_m < OFF_ROUTE_M and entry.entrance_m + inset_m < s < entry.route.clear_m - inset_m
+
+
+def obstructs_exit(arena: Arena, goal: Area, pose: Pose) -> bool:
+    """Return whether a robot at `pose` stands where others come out, nearer than where it may wait."""
+    entry = entry_route(arena, goal.places[0])
+    if entry is None or entry.route.room_m <= 0.0:
+        return False
+    radius = arena.shape.radius
+    beside = distance(*entry.route.point(entry.entrance_m), pose.x, pose.y) < entry.route.room_m + radius
+    return beside or stands_within(arena, goal, pose, radius)
+
+
+def in_entrance(navigator: Navigator, goal: Area | None, pose: Pose | None, *, gated: bool) -> bool:
+    """Return whether the robot is so near to an entrance, by which nobody comes out, that it keeps others from it."""
+    route = navigator.route
+    near_m = 2.0 * navigator.arena.shape.radius + IN_ENTRANCE_M
+    if route is not None:
+        if route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
+            return False
+        return route.gate_m - near_m < route.length_m - navigator.remaining_m < route.clear_m
+    entry = None if goal is None or pose is None or not gated else entry_route(navigator.arena, goal.places[0])
+    if entry is None or pose is None or entry.route.room_m > 0.0:
+        return False
+    return distance(*entry.entrance, pose.x, pose.y) < near_m
+
+
+def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None) -> bool:
+    """Return whether the robot is out of the resource, even if its drive has been broken off inside."""
+    if entered_route(navigator) is not None:
+        return navigator.cleared
+    if pose is None or entered is None or entered.gate_m is None:
+        return True
+    s, off_m = located(entered, pose)
+    return off_m > OFF_ROUTE_M or not entered.gate_m - OFF_ROUTE_M < s < entered.clear_m
+
+
+def is_beyond(arena: Arena, goal: Area, pose: Pose) -> bool:
+    """Return whether a robot at `pose` has the resource behind it on its way to a goal with room for many.
+
+    It has if it is nearer to the far end of the passage that leads there than to its entrance. A drive that does not
+    pass the resource is no evidence: it may lead through another aisle, or to a goal on this side.
+    """
+    entry = entry_route(arena, goal.places[0]) if goal.slotted or goal.box is not None else None
+    if entry is None:
+        return False
+    here = Point(pose.x, pose.y)
+    ends = (entry.route.point(s) for s in (entry.entrance_m, entry.route.clear_m))
+    entrance, clear = (leader_route(arena, here, end, (), through_gate=False) for end in ends)
+    return entrance is None or (clear is not None and clear.length_m < entrance.length_m)

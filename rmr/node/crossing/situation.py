@@ -1,0 +1,146 @@
+"""What one step of a crossing is given and what it returns: a situation, and commands. Values only."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rmr.base.geometry import Pose
+from rmr.base.time import Duration, Instant, milliseconds
+from rmr.coord.events import JobRequest
+from rmr.coord.timing import EXCLUSIVE
+from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.motion.route import Route
+
+EXTEND_BEFORE: Final[Duration] = milliseconds(200)
+"""An announced end that comes nearer than this while the action goes on is moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class CrossingPlan:
+    """The times that a crossing needs, as the robot has estimated them last."""
+
+    gated: bool = False
+    """Whether the route passes an entrance, with a hold line; else entering is the action's beginning."""
+    direction: int = EXCLUSIVE
+    """Direction through the resource; what is no passage of it excludes all others."""
+    approach: Duration = 0
+    """Until the robot can be at its commit line."""
+    inside: Duration = UNKNOWN_INSIDE
+    """From there until it is clear."""
+    after: Duration = 0
+    """From there to the goal: the robot must be clear so much before its deadline."""
+    headway: Duration = UNKNOWN_INSIDE
+    within: bool = False
+    """Whether the robot is inside the resource already."""
+    obstructs_exit: bool = False
+    """Whether it stands where others come out: it sets out at once, so that it can make room."""
+    notice: Duration = EXTEND_BEFORE
+    """How long before its end the crossing is extended; 0 where its length is known, as without a drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """One robot and one resource, as one step of one crossing sees them. What a phase does not ask is left out."""
+
+    pose: Pose | None = None
+    late_goes_next: bool = False
+    """Whether a late robot near its entrance goes next: in a crowd (`rmr.node.profile`)."""
+    set_out: bool = False
+    """Whether the action is under way."""
+    ready: bool = False
+    """Whether the robot would enter now: it is at its commit line, or its action waits."""
+    excused: bool = False
+    """Whether it is beyond the resource that others of its group are known to pass."""
+    # -- preparing, and polls of one that waits
+    may_ask: bool = False
+    """Whether the robot knows where it is, and need not listen first."""
+    plan: CrossingPlan | None = None
+    """A new estimate; None where none was due, or there is no route."""
+    beyond: bool = False
+    """Whether the robot has the resource behind it."""
+    within: bool = False
+    """Whether it finds itself inside the resource."""
+    in_entrance: bool = False
+    """Whether it stands in an entrance where nobody gets past it."""
+    # -- inside
+    route: Route | None = None
+    """The route through the resource by which it has entered."""
+    retreating: bool = False
+    """Whether it drives away from the hold line that it has not passed."""
+    before_hold_line: bool = False
+    """Whether it has not passed the hold line of its route."""
+    cleared: bool = False
+    eta_clear: Duration = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Ask for a slot."""
+
+    request: JobRequest
+
+
+@dataclass(frozen=True, slots=True)
+class Revise:
+    """Tell the leader another release, and what its order goes by if that is given."""
+
+    release: Instant
+    deadline: Instant | None = None
+    committed: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Withdraw:
+    """Give up what was requested."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetReady:
+    """State whether the robot would enter now."""
+
+    ready: bool
+
+
+@dataclass(frozen=True, slots=True)
+class InsideUntil:
+    """Announce another end of the passage."""
+
+    end: Instant
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """State that the robot is clear."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenHoldLine:
+    """Tell the navigator when the hold line will open (None: unknown), and whether it is open."""
+
+    opens_at: Instant | None
+    opened: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeRank:
+    """Act on another place in the schedule."""
+
+
+@dataclass(frozen=True, slots=True)
+class TraceEntry:
+    """Note something for whoever watches the robot."""
+
+    what: str
+    fields: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Unforeseen:
+    """An event of the coordination core has no row for the phase: it is ignored, and a check of the run fails."""
+
+    phase: str
+    event: str
+
+
+Command = (
+    Request | Revise | Withdraw | SetReady | InsideUntil | Leave | OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
+)

@@ -1,0 +1,248 @@
+"""The kinds of hazard rules: what slows or stops a robot. `speed_law` has their table and applies it.
+
+Each rule of the stages CAP and BODY takes the speed that the rules before it have allowed and returns one that is no
+greater. So a rule that leaves the speed as it is has no effect on the run: the counts of `RuleSwitches` rest on that.
+"""
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from types import MappingProxyType
+from typing import Final
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.time import Instant
+from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
+from rmr.node.motion.follow import Follower
+from rmr.node.motion.gate import EntryGate
+from rmr.node.motion.hearing import LISTENS, OVERDUE_HELLOS, SILENT
+from rmr.node.motion.queueing import Queueing
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.stopping import stopping_speed
+from rmr.node.ports import SeenBody
+
+LOST_SIGMA_M: Final = 0.1
+"""A robot whose position has a greater standard deviation than this drives at half speed."""
+STRAIGHT_RAD: Final = 0.1
+"""A robot whose direction changes by less than this while it brakes counts as driving straight."""
+UNRANKED: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
+"""No body has a place in the order."""
+
+
+class HazardStage(Enum):
+    """Where a rule is applied."""
+
+    CAP = "cap"
+    """To the speed with which the path may be followed, before the path follower steers."""
+    PERCEPTION = "perception"
+    """To which bodies there are, and who of two goes first."""
+    BODY = "body"
+    """To the wheel command of the path follower, for each body around."""
+    WHEELS = "wheels"
+    """To the final command, or to that of a reverse manoeuvre."""
+
+
+class HazardScene:
+    """What the rules go by. One object per robot, written anew each tick."""
+
+    __slots__ = (
+        "arena",
+        "bodies",
+        "cap",
+        "follower",
+        "gate",
+        "heard_from",
+        "now",
+        "parked",
+        "pose",
+        "queue",
+        "ranked",
+        "remembered_from",
+        "right_of_way",
+        "sigma_m",
+        "silence",
+        "switches",
+        "twist",
+    )  # fmt: skip
+
+    def __init__(self, arena: Arena, switches: RuleSwitches) -> None:
+        self.arena = arena
+        self.switches = switches
+        self.now: Instant = 0
+        self.pose = Pose(0.0, 0.0, 0.0)
+        self.sigma_m = 0.0
+        self.silence = 0
+        """Why somebody unheard forbids driving on: flags of `hearing`; 0: nobody does."""
+        self.gate = EntryGate(arena.shape, holding=False)
+        self.follower: Follower | None = None
+        self.right_of_way = 1.0
+        """The share of full speed that keeps clear of those that go first."""
+        self.queue = Queueing()
+        self.parked: tuple[Point, ...] = ()
+        self.twist = Twist(0.0, 0.0)
+        """The wheel command that the rules for bodies judge."""
+        self.cap = 0.0
+        """The speed, m/s, at which each body is judged: the command's, or what is left of it on the arc."""
+        self.bodies: list[SeenBody] = []
+        """Those in view, then those remembered, then those heard."""
+        self.remembered_from = 0
+        self.heard_from = 0
+        self.ranked: Mapping[SeenBody, bool] = UNRANKED
+        """For bodies that have a place in the order, whether this robot goes before them."""
+
+    def count_body(self, index: int) -> None:
+        """Note that body `index` has lowered the speed: to the credit of the rule by which it is known."""
+        if index >= self.heard_from:
+            self.switches.count("cooperation")
+        elif index >= self.remembered_from:
+            self.switches.count("memory")
+
+    def count_silence(self) -> None:
+        """Note that a silence has had an effect."""
+        for flag, name in ((LISTENS, "listen"), (SILENT, "silence"), (OVERDUE_HELLOS, "overdue")):
+            if self.silence & flag:
+                self.switches.count(name)
+
+
+class Hazard:
+    """One rule. Rules of the stages PERCEPTION and WHEELS are asked for by name where they are applied."""
+
+    def __init__(self, name: str, stage: HazardStage, hazard: str, rule: str, where: str) -> None:
+        """`hazard` and `rule` are the columns of docs/motion.md; `where` is the module of the rule."""
+        self.name: Final = name
+        self.stage: Final = stage
+        self.hazard: Final = hazard
+        self.rule: Final = rule
+        self.where: Final = where
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return the greatest speed up to `v`, m/s, that the rule allows."""
+        raise NotImplementedError
+
+
+class GateRule(Hazard):
+    """The hold line of the bottleneck."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return `v`, or less: not before the slot, and not while the gate is closed."""
+        follower = around.follower
+        if follower is None:
+            return v
+        return min(v, around.gate.limit(around.now, follower.route, follower.s))
+
+
+class RightOfWay(Hazard):
+    """Predicted conflicts with robots that go first."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return `v`, or the speed that keeps clear of those that go first (worked out when hellos are taken in)."""
+        return min(v, around.right_of_way * around.arena.shape.speed)
+
+
+class SilenceRule(Hazard):
+    """One reason of `Hearing.forbids`."""
+
+    def __init__(self, flag: int, name: str, hazard: str, rule: str, where: str) -> None:
+        """`flag` is the bit of the reason."""
+        super().__init__(name, HazardStage.CAP, hazard, rule, where)
+        self.flag: Final = flag
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return 0 if somebody who is not heard may be near, for this rule's reason."""
+        return 0.0 if around.silence & self.flag else v
+
+
+class QueueRule(Hazard):
+    """Order of the queue before the gate."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return 0 while a robot that goes first still stands on the route before the gate."""
+        follower = around.follower
+        gate = around.gate
+        queue = around.queue
+        if not around.parked or follower is None:
+            return v
+        if around.silence:  # the queue is not watched meanwhile: patience does not begin
+            around.count_silence()
+            return v
+        # Where the gate is nearer than a radius nobody has room before it.
+        if (follower.route.gate_m or 0.0) < around.arena.shape.radius or gate.passed or queue.overtakes:
+            return v
+        opens_at = around.now - 1 if gate.opened else gate.opens_at
+        at = Point(around.pose.x, around.pose.y)
+        return 0.0 if queue.waits(around.now, around.arena, at, around.parked, opens_at) else v
+
+
+class LostRule(Hazard):
+    """Uncertain localisation."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return at most half of the full speed while the robot's own position is uncertain."""
+        return min(v, 0.5 * around.arena.shape.speed) if around.sigma_m > LOST_SIGMA_M else v
+
+
+class DangerRule(Hazard):
+    """Stop if dangerous (paper IV.E)."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return the least of what the bodies ahead allow by their closest point of approach."""
+        radius = around.arena.shape.radius
+        ranked = around.ranked
+        cap = around.cap
+        for index, body in enumerate(around.bodies):
+            if body.x <= 0.0:
+                continue
+            by_side = gives_way_late(body)
+            late = ranked.get(body, by_side) if ranked else by_side
+            allowed = closing_limit(cap, body, radius, late)
+            if late != by_side and closing_limit(cap, body, radius, by_side) != allowed:
+                around.switches.count("order")
+            if allowed < v:
+                v = allowed
+                around.count_body(index)
+        return v
+
+
+class StoppingRule(Hazard):
+    """Able to stop short of a body that brakes now."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return the least speed from which the robot stops before each body ahead, should that brake now."""
+        radius = around.arena.shape.radius
+        cap = around.cap
+        for index, body in enumerate(around.bodies):
+            if body.x > 0.0 and (allowed := stopping_speed(cap, body, radius)) < v:
+                v = allowed
+                around.count_body(index)
+        return v
+
+
+class ArcRule(Hazard):
+    """Other rules again, along the chord of the arc on which the robot would brake."""
+
+    def __init__(self, rules: Sequence[Hazard], name: str, hazard: str, rule: str, where: str) -> None:
+        """`rules` are those that judge a body straight ahead."""
+        super().__init__(name, HazardStage.BODY, hazard, rule, where)
+        self.rules: Final = tuple(rules)
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return `v`, or less, for bodies abeam on the inner side of a turn: out of view until just before contact."""
+        turn = chord_angle(around.twist)
+        if abs(turn) <= STRAIGHT_RAD:
+            return v
+        bodies = around.bodies
+        ranked = around.ranked
+        cap = around.cap
+        around.bodies = [turned(body, turn) for body in bodies]
+        if ranked:
+            pairs = zip(around.bodies, bodies, strict=True)
+            around.ranked = {new: ranked[old] for new, old in pairs if old in ranked}
+        around.cap = v  # the arc is judged at the speed that driving straight on has left
+        for rule in self.rules:
+            if not around.switches.off(rule.name) and (allowed := rule.limit(around, v)) < v:
+                around.switches.count(rule.name)
+                v = allowed
+        around.bodies = bodies
+        around.ranked = ranked
+        around.cap = cap
+        return v

@@ -1,0 +1,135 @@
+"""One robot's speed control: which bodies are around, and what the speed law makes of them.
+
+A body is known in three ways: it is in view, it has just left the view and is remembered, or its robot is near and has
+said where it is (cooperative perception). The law treats all alike.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
+from rmr.base.time import Instant
+from rmr.node.motion.body_memory import BodyMemory
+from rmr.node.motion.follow import Follower
+from rmr.node.motion.gate import EntryGate
+from rmr.node.motion.hazards import UNRANKED, HazardScene
+from rmr.node.motion.hearing import BESIDE_M, LISTENS, OVERDUE_HELLOS, SILENT, Hearing
+from rmr.node.motion.queueing import Queueing
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_law import SpeedLaw
+from rmr.node.ports import SeenBody
+
+REVERSE_MPS: Final = 0.08
+"""Speed of a reverse manoeuvre."""
+REVERSE_GAP_M: Final = 0.03
+"""Gap to other robots that a reverse manoeuvre keeps: it is done blind."""
+REVERSE_POLL_M: Final = 0.03
+"""How far behind the robot a reverse manoeuvre looks for walls and bodies."""
+
+
+class SpeedControl:
+    """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
+
+    __slots__ = ("_around", "_law", "_memory", "_seen", "_switches", "arena", "hearing")
+
+    def __init__(self, arena: Arena, robots: int, switches: RuleSwitches) -> None:
+        """`robots` is the size of the roster; `switches` says which rules are in force."""
+        self.arena = arena
+        self._switches = switches
+        self._law = SpeedLaw(switches)
+        self._around = HazardScene(arena, switches)
+        self._memory = BodyMemory(arena.shape, remembers=not switches.off("memory"))
+        self._seen: Sequence[SeenBody] = ()
+        """The bodies in view, then those remembered."""
+        self.hearing = Hearing(arena.shape, robots)
+        for flag, rule in ((LISTENS, "listen"), (SILENT, "silence"), (OVERDUE_HELLOS, "overdue")):
+            if switches.off(rule):
+                self.hearing.heeds &= ~flag
+
+    def perceive(self, now: Instant, pose: Pose, sigma_m: float, bodies: Sequence[SeenBody]) -> None:
+        """Take in the estimated pose, with its standard deviation, and the bodies in view."""
+        self._seen = self._memory.update(now, pose, bodies, self.hearing.fresh)
+        around = self._around
+        around.now = now
+        around.pose = pose
+        around.sigma_m = sigma_m
+        around.remembered_from = len(bodies)
+        around.silence = self.hearing.forbids(now, pose, bodies)
+
+    def silenced(self) -> bool:
+        """Return whether somebody unheard forbids a manoeuvre that is due."""
+        if self._around.silence:
+            self._around.count_silence()
+        return self._around.silence != 0
+
+    def cap(
+        self, follower: Follower, gate: EntryGate, queue: Queueing, right_of_way: float, parked: tuple[Point, ...]
+    ) -> float:
+        """Return the greatest speed with which the path may be followed now, m/s."""
+        around = self._around
+        around.follower = follower
+        around.gate = gate
+        around.queue = queue
+        around.right_of_way = right_of_way
+        around.parked = parked
+        return self._law.cap(around)
+
+    def slowed(self, twist: Twist) -> Twist:
+        """Return `twist`, slowed as the bodies around demand."""
+        if twist.v <= 0.0:
+            return twist
+        around = self._around
+        seen = self._seen
+        # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
+        around.bodies = [*seen, *self._heard(-BESIDE_M if twist.w else 0.0)]
+        around.heard_from = len(seen)
+        around.ranked = UNRANKED
+        if not self._switches.off("order"):
+            around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
+        return self._law.slowed(around, twist)
+
+    def by_hand(self, twist: Twist) -> Twist:
+        """Return the command of an action that drives by itself: the speed law still has the last word."""
+        return self.slowed(Twist(0.0, twist.w) if self.silenced() else twist)
+
+    def reverse(self) -> Twist:
+        """Return the command that drives straight back, or stands where something is known to be there."""
+        if self._switches.off("reverse_guard"):
+            return Twist(-REVERSE_MPS, 0.0)
+        around = self._around
+        pose = self._around.pose
+        radius = self.arena.shape.radius
+        x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
+        y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
+        free = self.arena.clearance(x, y) > radius
+        for index, body in enumerate([*self._seen, *self._heard(-math.inf)]):
+            # A body ahead of the axle is left behind. The robot's centre will be at (-REVERSE_POLL_M, 0).
+            if body.x <= 0.0 and hypot(body.x + REVERSE_POLL_M, body.y) <= 2.0 * radius + REVERSE_GAP_M:
+                free = False
+                around.heard_from = len(self._seen)
+                around.count_body(index)
+        if free:
+            return Twist(-REVERSE_MPS, 0.0)
+        self._switches.count("reverse_guard")
+        return STILL
+
+    def others(self, standing: Iterable[Point]) -> list[Point]:
+        """Return where bodies are now, on the floor: those seen, and those heard to be `standing`."""
+        seen = self._memory.places(self._around.now)
+        if len(seen) > self._around.remembered_from:
+            self._switches.count("memory")
+        radius = self.arena.shape.radius
+        # A robot that is seen is heard as well: within a radius both are the same.
+        return [*seen, *(p for p in standing if all(hypot(p.x - q.x, p.y - q.y) > radius for q in seen))]
+
+    def _heard(self, beyond_m: float) -> Sequence[SeenBody]:
+        """Return the bodies that are heard but not seen, farther ahead than `beyond_m`, in the robot's frame."""
+        if self._switches.off("cooperation"):
+            return ()
+        around = self._around
+        heard = self.hearing.around(around.now, around.pose, self._seen, beyond_m, around.remembered_from)
+        if self.hearing.hides_remembered:
+            self._switches.count("memory")
+        return heard

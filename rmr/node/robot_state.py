@@ -1,0 +1,76 @@
+"""What all parts of one robot share: its configuration, its program at work, its body, what it knows of the others.
+
+`RobotState` lies below the parts: it calls none of them. It also says what one call of the node knows of itself: the
+instant, how old its input may be, what is still to be done.
+"""
+
+from typing import Any, Final
+
+from rmr.base.streams import Choices
+from rmr.base.time import Duration, Instant, milliseconds
+from rmr.bytecode.program import Program
+from rmr.node.config import NodeConfig
+from rmr.node.driver import Driver
+from rmr.node.logic.finish import FinishFact
+from rmr.node.logic.sensed_facts import SensedFacts
+from rmr.node.peers.perception import Peers
+from rmr.node.ports import BodyPort
+from rmr.node.trace import Trace, TraceLevel
+from rmr.vm.engines import new_machine
+
+SUSPENDED_AFTER: Final[Duration] = milliseconds(150)
+"""Time without a call after which the host counts as suspended: input may then be as old as the previous call."""
+
+
+class RobotState:
+    """One robot."""
+
+    def __init__(self, config: NodeConfig, program: Program, body: BodyPort | None, digest: int) -> None:
+        self.config = config
+        self.robot = config.robot
+        self.program = program
+        self.digest = digest & 0xFFFF
+        """Identity of the program in frames."""
+        self.notes = Trace(config.robot, config.trace)
+        choices = Choices(f"{config.seed}/robot{config.robot}/vm")
+        traced = config.trace is TraceLevel.FACTS
+        self.machine = new_machine(program, config.robot, choices, engine=config.engine, trace=traced)
+        self.senses = SensedFacts(program, self.machine)
+        self.finish = FinishFact(config.finish, program, self.machine, self.senses)
+        self.peers = Peers()
+        self.driver: Driver | None = None if body is None else Driver(config, body)
+        """None: a robot without a body."""
+        self.now: Instant = 0
+        """The instant of the present call of the node."""
+        self.heard_at: Instant = 0
+        """Lower bound of when the frames arrived that are handled in this call."""
+        self.due = True
+        """Whether the node itself asked for this call; else the host had input for it."""
+        self.dirty = True
+        """Whether rules, actions or crossings have something to look at in this call."""
+        self.reschedule = True
+        """Whether this call may have changed when the robot is due next; hellos of others alone do not."""
+
+    def begin(self, now: Instant, next_wake: Instant) -> None:
+        """Begin a call at `now`; `next_wake` is when the node wanted to be called."""
+        self.heard_at = self.now if self.suspended(now) else now
+        self.now = now
+        self.due = now >= next_wake
+        self.reschedule = self.due
+
+    def suspended(self, now: Instant) -> bool:
+        """Return whether a call at `now` would come after a suspension of the host."""
+        return now - self.now > SUSPENDED_AFTER
+
+    def mark_dirty(self) -> None:
+        """Have rules, actions and crossings looked at in this call."""
+        self.dirty = True
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot (`rmr.node.trace`)."""
+        self.notes.note(now, what, **fields)
+
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""
+        if self.config.witness is not None:
+            self.config.witness(self.robot, self.now, event)

@@ -1,0 +1,162 @@
+"""What actions and crossings may ask of their robot: its wheels, its places, its program, the others.
+
+The parts that they share are built one after the other, so `RobotServices` is made early and joined to those that are
+made after it (`join`). Its users see it through `rmr.node.parts`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Point
+from rmr.base.time import Instant
+from rmr.base.values import Value
+from rmr.node import payloads
+from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.built_in import PROVIDED, NodeHandle
+from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.executive import Executive
+from rmr.node.logic.machine_runner import MachineRunner
+from rmr.node.motion.navigator import Navigator
+from rmr.node.parts import Radio
+from rmr.node.peers.perception import Percept
+from rmr.node.peers.presence import Presence
+from rmr.node.robot_state import RobotState
+
+NO_WHEELS = "the robot has no wheels"
+
+
+class RobotServices:
+    """One robot, as its actions and crossings see it."""
+
+    def __init__(self, state: RobotState, radio: Radio, handlers: Mapping[str, Handler]) -> None:
+        """`handlers` are the host's own; they go before the provided ones."""
+        self.config = state.config
+        self.program = state.program
+        self.robot = state.robot
+        self.arena = state.config.arena
+        self.senses = state.senses
+        self.peers = state.peers
+        self.driver = state.driver
+        self.state: dict[str, Any] = {}
+        """What the robot's actions remember (`RobotHandle.state`)."""
+        self.action_log = ActionLog()
+        self._robot_state = state
+        self._radio = radio
+        self._handlers = handlers
+
+    def join(
+        self, actions: Dispatcher, crossings: Crossings, presence: Presence, runner: MachineRunner, executive: Executive
+    ) -> None:
+        """Take the parts that are made later; before that only what needs none of them may be asked."""
+        self.actions = actions
+        self.crossings = crossings
+        self._presence = presence
+        self._runner = runner
+        self._executive = executive
+
+    @property
+    def now(self) -> Instant:
+        """The instant of the present call."""
+        return self._robot_state.now
+
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""
+        self._robot_state.tell(event)
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot (`rmr.node.trace`)."""
+        self._robot_state.trace(now, what, **fields)
+
+    def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
+        """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
+        index = self.program.index(name)
+        if index is None:
+            raise ValueError(f"the program knows no predicate {name}")
+        self._robot_state.machine.insert(now, index, tuple(args))
+        self._robot_state.mark_dirty()
+
+    def broadcast_failure(self, assertion: int | None) -> None:
+        """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
+        self._radio.transmit(payloads.encode_failure(self._robot_state.digest, assertion), None)
+
+    # -- actions ----------------------------------------------------------------------------------------------
+
+    def handle(self, running: RunningAction) -> NodeHandle:
+        """Return the handle of an action that starts, and note the start in trace and report."""
+        text = running.text(self.robot)
+        self.action_log.begin(self.now, text)
+        self.trace(self.now, "action", action=text)
+        return NodeHandle(self, running)
+
+    def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
+        """Handle the end of an action."""
+        self._runner.ended(now, running, failure)
+
+    def handler(self, action: str) -> Handler:
+        """Return what carries out an action; the host's own handlers go before the provided ones."""
+        return self._handlers.get(action) or PROVIDED[action]
+
+    def provided(self, action: str) -> Handler:
+        """Return the built-in handler of an action, whatever the host's own handlers are."""
+        return PROVIDED[action]
+
+    def drives_to_area(self, action: int) -> bool:
+        """Return whether an action drives to the area that it names: it may be gated."""
+        return self.handler(self.program.predicates[action].name).to_area
+
+    # -- wheels and places ------------------------------------------------------------------------------------
+
+    @property
+    def motion(self) -> Navigator:
+        """The navigator. Raises ActionFailed without a body."""
+        if self.driver is None:
+            raise ActionFailed(NO_WHEELS)
+        return self.driver.navigator
+
+    def percept(self) -> Percept:
+        """Return what the robot senses now."""
+        return Percept(None, (), False) if self.driver is None else self.driver.percept
+
+    def drive(self, v: float, w: float) -> None:
+        """Drive by hand, m/s and rad/s, and give up the place that the robot leaves.
+
+        Raises ActionFailed without a body.
+        """
+        navigator = self.motion
+        if self.driver is not None and v != 0.0:
+            self.driver.place = None
+        navigator.drive(v, w)
+
+    def halt(self) -> None:
+        """Stop the wheels."""
+        if self.driver is not None:
+            self.driver.navigator.stop()
+
+    def take_place(self, area: Area, permit: Permit | None) -> Point:
+        """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
+        if self.driver is None:
+            raise ActionFailed(NO_WHEELS)
+        rank, place = (permit.rank, permit.place) if permit else (0, 0)
+        return self.driver.take_place(self.now, area, rank, place, self.peers)
+
+    def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
+        """Set out for `goal`; by a gated crossing through its hold line. Needs a body and a pose."""
+        self._robot_state.mark_dirty()
+        self.crossings.depart(self.now, goal, final_heading, permit)
+        self.announce(self.now)
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
+        return self.actions.driving
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame of 1/60 s begins."""
+        return self._executive.frame_ends
+
+    def announce(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
+        self._presence.hello_soon(now)
