@@ -6,13 +6,14 @@ fixed sequence. A call may be superseded: `Alarm` keeps one pending call per own
 
 import heapq
 from collections.abc import Callable
+from typing import Final
 
 from rmr.base.time import NEVER, Instant
 
-EVENT = -1
-AIR = 0
-RADIO = 1
-ROBOT = 2
+EVENT: Final = -1
+AIR: Final = 0
+RADIO: Final = 1
+ROBOT: Final = 2
 """Priorities of calls at one instant, in this order: interventions from outside (EVENT), ends of transmissions (AIR),
 timers of radios (RADIO), robots (ROBOT)."""
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rmr.bytecode.program import Program
     from rmr.eval.deaths import Death
     from rmr.eval.ensemble import Conditions, Sink
-    from rmr.eval.eval_report import Run
+    from rmr.eval.eval_report import EvaluatedRun
     from rmr.eval.given import Given, Wanted
     from rmr.eval.topology import Topology
 
@@ -249,7 +249,9 @@ def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
 # ---- the run
 
 
-def _prepare(engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None") -> "Run":
+def _prepare(
+    engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None"
+) -> "EvaluatedRun":
     """Return the run by an engine; a program unsuited for columns falls back to machines, with a message."""
     from rmr.eval.ensemble import Ensemble
     from rmr.vm.engines import Engine
@@ -266,7 +268,7 @@ def _prepare(engine: str, program: "Program", given: "Given", conditions: "Condi
     return Ensemble(program, given, replace(conditions, engine=Engine(engine)), sink)
 
 
-def _run(run: "Run", until: int) -> bool:
+def _run(run: "EvaluatedRun", until: int) -> bool:
     """Run; return whether Ctrl-C ended it.
 
     The first Ctrl-C stops the run and still prints its report; the second one ends the command at once.
@@ -292,7 +294,7 @@ def _run(run: "Run", until: int) -> bool:
 class ProgressLine:
     """The progress of a long run, as one line on a terminal."""
 
-    def __init__(self, run: "Run", until: int) -> None:
+    def __init__(self, run: "EvaluatedRun", until: int) -> None:
         self._run = run
         self._until = until
         self._next = time.monotonic() + PROGRESS_AFTER_S
@@ -319,7 +321,7 @@ class ProgressLine:
 # ---- after the run
 
 
-def _conclude(run: "Run", until: int, interrupted: bool) -> None:
+def _conclude(run: "EvaluatedRun", until: int, interrupted: bool) -> None:
     """Print warnings on stderr, and the outstanding work of a run that did not become quiescent."""
     from rmr.eval.eval_report import reasons
 
@@ -340,7 +342,7 @@ def _conclude(run: "Run", until: int, interrupted: bool) -> None:
         print(f"  {line}", file=sys.stderr)
 
 
-def _print(run: "Run", one_line: bool) -> None:
+def _print(run: "EvaluatedRun", one_line: bool) -> None:
     from rmr.eval.eval_report import report
     from rmr.eval.json_layout import laid_out
 

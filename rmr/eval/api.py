@@ -20,7 +20,7 @@ from rmr.eval import options
 from rmr.eval.column_run import ColumnRun, hindrance
 from rmr.eval.deaths import deaths
 from rmr.eval.ensemble import Conditions, Ensemble, Note, Sink
-from rmr.eval.eval_report import Run, reasons, report
+from rmr.eval.eval_report import EvaluatedRun, reasons, report
 from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read_given, strangers
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
@@ -151,7 +151,7 @@ def evaluate(
 
 def _prepared(
     engine: str, program: Program, given: Given, conditions: Conditions, sink: Sink | None
-) -> tuple[Run, list[str]]:
+) -> tuple[EvaluatedRun, list[str]]:
     """Return the run, and why it is not one of columns where that was asked for."""
     engines = [each.value for each in Engine]
     if engine not in (*engines, COLUMNAR):

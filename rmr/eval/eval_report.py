@@ -57,7 +57,7 @@ class NodeRun(Protocol):
         """The conditions of the run."""
 
 
-class Run(Protocol):
+class EvaluatedRun(Protocol):
     """The interface of a run, by nodes (`Ensemble`) or in columns."""
 
     firings: int
@@ -104,7 +104,7 @@ class Run(Protocol):
         """Return what is to be said beside the report, by kind."""
 
 
-def report(run: Run) -> dict[str, Any]:
+def report(run: EvaluatedRun) -> dict[str, Any]:
     """Return the report of a run; equal seeds give equal reports."""
     messages = run.messages
     return {
@@ -122,7 +122,7 @@ def report(run: Run) -> dict[str, Any]:
     }
 
 
-def reasons(run: Run) -> list[str]:
+def reasons(run: EvaluatedRun) -> list[str]:
     """Return what still went on when the run was ended, a line each, REASONS_MAX at most."""
     lines: list[str] = []
     more = 0

@@ -5,7 +5,7 @@ made after it (`join`). Its users see it through `rmr.node.parts`.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point, Pose
@@ -24,7 +24,7 @@ from rmr.node.peers.perception import Percept
 from rmr.node.peers.presence import Presence
 from rmr.node.robot_state import RobotState
 
-NO_WHEELS = "the robot has no wheels"
+NO_WHEELS: Final = "the robot has no wheels"
 
 
 class RobotServices:

@@ -25,7 +25,7 @@ SMALL = {
     "MATCHES_MAX": 5,
     "ROTOR_MATCHES_MAX": 2,
     "ROTOR_MEMORY_MAX": 2,
-    "REPEATS_TOLD": 2,
+    "REPEATS_REPORTED": 2,
 }
 """By name. Not of failures: which are forgotten hangs on how often a match is looked at, an engine's own affair."""
 

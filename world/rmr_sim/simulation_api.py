@@ -32,7 +32,7 @@ RATE_HZ = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedRun:
+class Run:
     """The results of one simulated run."""
 
     report: dict[str, Any] = field(repr=False)
@@ -66,10 +66,6 @@ class SimulatedRun:
         return float(self.report["time_s"])
 
 
-Run = SimulatedRun
-"""The name of the class in the public API: `rmr.Run`."""
-
-
 def simulate(
     lab: str | PathLike[str],
     seed: int | None = None,
@@ -82,7 +78,7 @@ def simulate(
     events: str | PathLike[str] | Iterable[Event] | None = None,
     duration: float | None = None,
     rate: float = RATE_HZ,
-) -> SimulatedRun:
+) -> Run:
     """Simulate a lab in virtual time; the same seed gives the same run.
 
     `lab` is a folder with a ``lab.yaml``, such a file, or the name of a provided lab. The other arguments are the
@@ -122,7 +118,7 @@ def simulate(
     simulation.checkers.append(sampler.sample)
     finished = simulation.run()
     warnings = [line for text in loaded.warnings for line in text.splitlines()]
-    return SimulatedRun(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
+    return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
 
 
 class Sampler:
