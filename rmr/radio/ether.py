@@ -25,7 +25,7 @@ from rmr.base.time import Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement
 from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.cells import Cell
-from rmr.radio.ether_station import EtherStation, Take
+from rmr.radio.ether_station import EtherStation, Medium, Take
 from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
@@ -69,7 +69,7 @@ _WORD: Final = 4294967296.0
 _ORDER: Final = attrgetter("order")
 
 
-class Ether:
+class Ether(Medium):
     """The stations of one lab and the transmissions on the air."""
 
     def __init__(

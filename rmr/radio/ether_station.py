@@ -8,7 +8,7 @@ begins another life.
 
 from collections.abc import Callable
 from random import Random
-from typing import Any, Protocol
+from typing import Any
 
 from rmr.base.kernel import RADIO, Alarm, Kernel
 from rmr.base.time import NEVER, Instant
@@ -22,8 +22,12 @@ from rmr.radio.security import Security
 Take = Callable[[Received | Confirmed], None]
 
 
-class Medium(Protocol):
-    """The ether as a station uses it (`rmr.radio.ether.Ether`)."""
+class Medium:
+    """The ether as a station uses it; `rmr.radio.ether.Ether` is the one there is.
+
+    A base class rather than a protocol: a station uses it for every frame, and mypyc calls the methods of a class
+    directly.
+    """
 
     kernel: Kernel
     bulk_counters: BulkCounters
@@ -35,11 +39,11 @@ class Medium(Protocol):
 
     def busy(self, station: "EtherStation", now: Instant) -> bool:
         """Return whether the channel assessment of `station` that ends `now` finds the channel busy."""
-        ...
+        raise NotImplementedError
 
     def announce(self, station: "EtherStation", psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
         """Let `station` transmit at `start`."""
-        ...
+        raise NotImplementedError
 
 
 class EtherStation:
