@@ -105,6 +105,7 @@ def test_with_json_standard_output_is_the_report_and_nothing_else(up):
     assert "robot 1  finished" in run.err
 
 
+@pytest.mark.slow
 def test_three_robots_pass_the_corridor_in_the_order_of_their_deadlines(up):
     run = up(CORRIDOR, "--robots", "3", "--strict")
     assert run.wait(100) == 0, run.out + run.err
@@ -129,6 +130,7 @@ def test_a_fifth_of_all_frames_lost_the_robots_still_pass_without_contact(up, tm
     assert run.left() == []
 
 
+@pytest.mark.slow
 def test_faults_of_rmr_fault_and_of_the_lab_file_stand_in_the_report_and_in_the_log_of_the_world(up, lab):
     slow = "robot: {speed: 0.04}\nfaults: [{from: 0.1s, to: 0.2s, loss: 0.5}]\nrobots:\n"
     run = up(lab("lab.yaml", "robots:\n", slow)).running()
