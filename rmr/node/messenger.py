@@ -62,6 +62,7 @@ class Messenger:
         self._radio = radio
         self._coordination = coordination
         self._presence = presence
+        self._profile = state.config.profile
         self._needs_call = state.senses.used("neighbor") or state.senses.used("range")
         """Whether every frame needs a call of the node: it may change the facts about who is near."""
 
@@ -123,7 +124,7 @@ class Messenger:
             return False
         if self._presence.overhear(now, frame):
             return True
-        known = state.config.profile.overhears_passing and frame.source in state.peers.known
+        known = self._profile.overhears_passing and frame.source in state.peers.known
         if not known or not self._coordination.core.overhear(now, frame.payload):
             return False
         state.peers.heard(now, frame.source, frame.rssi_dbm)

@@ -4,8 +4,6 @@ Cheap facts are stated in every tick. An estimate plans a route, which costs mil
 is made only where the crossing's step is about to use it: to ask, at a poll, and for a new leader.
 """
 
-from dataclasses import replace
-
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Pose
 from rmr.base.time import Instant
@@ -28,6 +26,7 @@ class Observer:
     def __init__(self, robot: CrossingHost, core: Coordination) -> None:
         self._robot = robot
         self._core = core
+        self._profile = robot.config.profile
 
     def situation(self, now: Instant, crossing: Crossing) -> Situation:
         """Return what the next step of `crossing` needs."""
@@ -55,7 +54,7 @@ class Observer:
         if crossing.plan.gated if gated is None else gated:
             ready = set_out and navigator is not None and navigator.reaches_gate(READY)
         return Situation(
-            late_goes_next=self._robot.config.profile.late_goes_next,
+            late_goes_next=self._profile.late_goes_next,
             set_out=set_out,
             ready=ready,
             route=None if navigator is None else resource.entered_route(navigator),
@@ -99,7 +98,7 @@ class Observer:
             return True, CrossingPlan(inside=found.approach, headway=found.approach)
         plan = self._gated(robot.driver, found, goal, pose)
         first = isinstance(crossing.phase, Preparing) and not plan.within
-        return not (first and robot.config.profile.listens_first and robot.driver.listens(now, robot.peers)), plan
+        return not (first and self._profile.listens_first and robot.driver.listens(now, robot.peers)), plan
 
     def _gated(self, driver: Driver, found: Estimate, goal: Area, pose: Pose) -> CrossingPlan:
         arena = self._robot.config.arena
@@ -121,8 +120,7 @@ class Observer:
         pose = self._robot.pose
         _, plan = self.estimate(now, crossing)
         gated = (plan or crossing.plan).gated
-        return replace(
-            self.at_event(crossing, gated=gated),
+        return self.at_event(crossing, gated=gated)._replace(
             pose=pose,
             plan=plan,
             in_entrance=resource.in_entrance(navigator, crossing.goal, pose, gated=gated),

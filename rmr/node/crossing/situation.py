@@ -1,7 +1,7 @@
 """What one step of a crossing is given and what it returns: a situation, and commands. Values only."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rmr.base.geometry import Pose
 from rmr.base.time import Duration, Instant, milliseconds
@@ -37,9 +37,11 @@ class CrossingPlan:
     """How long before its end the crossing is extended; 0 where its length is known, as without a drive."""
 
 
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """One robot and one resource, as one step of one crossing sees them. What a phase does not ask is left out."""
+class Situation(NamedTuple):
+    """One robot and one resource, as one step of one crossing sees them. What a phase does not ask is left out.
+
+    A tuple rather than a frozen dataclass: one is made in each tick, and a dataclass sets its fields one by one.
+    """
 
     pose: Pose | None = None
     late_goes_next: bool = False
@@ -86,8 +88,7 @@ class Withdraw:
     """Give up what was requested."""
 
 
-@dataclass(frozen=True, slots=True)
-class SetReady:
+class SetReady(NamedTuple):
     """State whether the robot would enter now."""
 
     ready: bool

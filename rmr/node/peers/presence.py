@@ -69,19 +69,19 @@ class Presence:
 
     def __init__(self, state: RobotState, radio: Radio, crossings: Crossings, actions: Dispatcher) -> None:
         self._state = state
-        self._config = state.config
         self._peers = state.peers
         self._driver = state.driver
         self._radio = radio
         self._crossings = crossings
         self._actions = actions
+        self._profile = state.config.profile
         self._parked: Sequence[Point] | None = None
         """Where others stand, as the navigator was last given it."""
         self._hellos: HelloClock | None = None
         """None: a robot without a body has no place to tell."""
         if state.driver is not None:
             rng = stream(f"{state.config.seed}/robot{state.robot}/hello")
-            self._hellos = HelloClock(rng, state.config.profile)
+            self._hellos = HelloClock(rng, self._profile)
 
     # -- saying -----------------------------------------------------------------------------------------------
 
@@ -113,7 +113,7 @@ class Presence:
 
     def _plan_next(self, now: Instant, hellos: HelloClock) -> None:
         crossing = self._crossings.current
-        if not self._config.profile.promises_to_stay:
+        if not self._profile.promises_to_stay:
             hellos.rewind(now, waits=crossing is not None)
             return
         leaves = crossing is not None and isinstance(crossing.phase, Slotted) and not self._stays(now)
@@ -121,7 +121,7 @@ class Presence:
 
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
-        if not self._config.profile.promises_to_stay or self._driver is None or self._actions.driving is not None:
+        if not self._profile.promises_to_stay or self._driver is None or self._actions.driving is not None:
             return False
         crossing = self._crossings.current
         return self._state.finish.holds if crossing is None else crossing.leaves_after(now + STAYS + STAYS_SPARE)
