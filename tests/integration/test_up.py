@@ -139,8 +139,10 @@ def test_faults_of_rmr_fault_and_of_the_lab_file_stand_in_the_report_and_in_the_
         subprocess.run([*words, *wish, "--run", str(run.folder)], check=True, capture_output=True)
     assert run.wait(80) == 0, run.out + run.err
     report = run.report()
-    given, cut, loss = report["faults"]
-    assert given == {"from": 0.1, "to": 0.2, "loss": 0.5}
+    given = {"from": 0.1, "to": 0.2, "loss": 0.5}
+    assert given in report["faults"]
+    assert report["faults"] == sorted(report["faults"], key=lambda fault: fault["from"])
+    cut, loss = (fault for fault in report["faults"] if fault != given)  # the cut may begin before 0.1 s
     assert cut == {"from": cut["from"], "to": round(cut["from"] + 0.5, 3), "link": [1, 2], "cut": True}
     assert loss == {"from": loss["from"], "to": loss["to"], "loss": 0.25}
     assert cut["from"] < loss["from"] < report["time_s"] <= loss["to"] < report["time_s"] + 5
