@@ -1,18 +1,24 @@
 """The tiers of the tests, a plugin of pytest.
 
-A test belongs to exactly one tier: `medium` or `slow` where a marker says so, else `fast`, and in tests/integration
-`medium`, since processes wait in real time. `make test` runs the fast and the medium tests, `make test-slow` the slow
-ones, `make test-all` both.
+A test belongs to exactly one tier: `medium` or `slow` where a marker says so, else `medium` in the folders of
+`MEDIUM_FOLDERS`, else `fast`. `make test` runs the fast and the medium tests, `make test-slow` the slow ones,
+`make test-all` both.
 """
 
 import gc
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+TESTS = Path(__file__).parent
+
 TIERS = ("fast", "medium", "slow")
+
+MEDIUM_FOLDERS = frozenset({"eval", "evaluation", "fuzz", "integration", "paper", "properties", "sim", "validation"})
+"""Folders of tests/ whose tests run whole programs, labs, drawn examples or processes."""
 
 FAST_CPU_S = 5.0
 """Bound on the processor time of a fast test, ten times what a test may take to be left unmarked."""
@@ -26,7 +32,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Give each test that names no tier the one of its folder, and note the tiers of all."""
     for item in items:
         if not _tiers(item):
-            item.add_marker("medium" if item.path.parent.name == "integration" else "fast")
+            folder = item.path.relative_to(TESTS).parts[0] if item.path.is_relative_to(TESTS) else ""
+            item.add_marker("medium" if folder in MEDIUM_FOLDERS else "fast")
     config.stash[TIERS_OF] = {item.nodeid: _tiers(item) for item in items}
 
 
