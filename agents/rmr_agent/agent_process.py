@@ -6,17 +6,15 @@ robots start in seconds.
 """
 
 import argparse
-import logging
 import sys
 from functools import partial
 
 from rmr.base.ids import spelled
-from rmr.bus.endpoint import BusError
 from rmr.bus.process import (
     Ending,
     handle_signals,
     hold_lifeline,
-    run_precisely,
+    run_to_end,
     start_logging,
 )
 from rmr.bus.secret import Secret, SecretError, read_secret
@@ -62,15 +60,4 @@ def perform(options: argparse.Namespace) -> int:
         print(f"{who}: {error}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
-    try:
-        run_precisely(_live(options, setup, secret, ending))
-    except BusError as error:
-        ending.ask(str(error), ExitCode.FAILED)
-    except Exception as error:
-        ending.break_down(error)
-    if ending.code and ending.reason:
-        log.error("%s", ending.reason)
-    elif ending.reason:
-        log.info("ended (%s)", ending.reason)
-    logging.shutdown()
-    return ending.code
+    return run_to_end(_live(options, setup, secret, ending), ending, log)

@@ -106,11 +106,6 @@ class StatusMonitor:
         """Whether every robot of `roster` holds the finish fact."""
         return all((status := self.robots.get(robot)) is not None and status.finished for robot in roster)
 
-    @property
-    def is_final(self) -> bool:
-        """Whether the last state of the world has come."""
-        return self.truth is not None and self.truth.final
-
     def final(self, robot: int) -> bool:
         """Whether the last status of `robot` has come."""
         status = self.robots.get(robot)

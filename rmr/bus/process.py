@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from rmr.base.printable import printable
 from rmr.bus.bridge import PreciseLoop
+from rmr.bus.endpoint import BusError
 from rmr.entry import ExitCode
 
 Result = TypeVar("Result")
@@ -170,6 +171,22 @@ def handle_signals(ending: Ending) -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, asked)
+
+
+def run_to_end(main: Coroutine[Any, Any, None], ending: Ending, log: logging.Logger) -> int:
+    """Run `main`, the life of a process, until its end; log why it has ended, and return the exit code."""
+    try:
+        run_precisely(main)
+    except BusError as error:
+        ending.ask(str(error), ExitCode.FAILED)
+    except Exception as error:
+        ending.break_down(error)
+    if ending.code and ending.reason:
+        log.error("%s", ending.reason)
+    elif ending.reason:
+        log.info("ended (%s)", ending.reason)
+    logging.shutdown()
+    return ending.code
 
 
 def hold_lifeline() -> None:

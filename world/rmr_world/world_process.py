@@ -20,7 +20,7 @@ from rmr.bus.process import (
     Throttle,
     handle_signals,
     hold_lifeline,
-    run_precisely,
+    run_to_end,
     start_logging,
 )
 from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
@@ -161,15 +161,4 @@ def perform(options: argparse.Namespace) -> int:
         print(f"rmr-world: {error.filename or options.config}: {error.strerror}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
-    try:
-        run_precisely(_live(options, lab, secret, ending))
-    except BusError as error:
-        ending.ask(str(error), ExitCode.FAILED)
-    except Exception as error:
-        ending.break_down(error)
-    if ending.code and ending.reason:
-        log.error("%s", ending.reason)
-    elif ending.reason:
-        log.info("ended (%s)", ending.reason)
-    logging.shutdown()
-    return ending.code
+    return run_to_end(_live(options, lab, secret, ending), ending, log)
