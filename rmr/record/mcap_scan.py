@@ -7,7 +7,8 @@ of chunks, and all messages in them.
 
 import os
 import zlib
-from typing import BinaryIO, Final, NamedTuple
+from pathlib import Path
+from typing import Final, NamedTuple
 
 import zstandard
 
@@ -70,9 +71,11 @@ class AttachmentSpan(NamedTuple):
 class McapScan:
     """One file, as far as it has been looked at."""
 
-    def __init__(self, file: BinaryIO, name: str) -> None:
-        """Raise RecordingError if `file`, called `name` in messages, is no recording, or too short to tell."""
-        self.name = name
+    def __init__(self, path: Path) -> None:
+        """Raise RecordingError if the file at `path` cannot be read, is no recording, or is too short to tell."""
+        self.name = str(path)
+        self._file = -1
+        self._file = _open(path)
         self.channels: dict[int, ScannedChannel] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, AttachmentSpan] = {}
@@ -81,7 +84,6 @@ class McapScan:
         """Offset behind the last whole record."""
         self.complete = False
         """Whether the file has been finished: it has its index."""
-        self._file = file
         self._decompressor = zstandard.ZstdDecompressor()
         self._begin()
         self.extend()
@@ -106,7 +108,7 @@ class McapScan:
     @property
     def octets(self) -> int:
         """Present length of the file."""
-        return os.fstat(self._file.fileno()).st_size
+        return os.fstat(self._file).st_size
 
     def extend(self) -> None:
         """Take in the records that have come since the last call."""
@@ -181,7 +183,7 @@ class McapScan:
 
     def _read(self, offset: int, length: int) -> bytes:
         try:
-            return os.pread(self._file.fileno(), max(0, length), max(0, offset))
+            return os.pread(self._file, max(0, length), max(0, offset))
         except OSError as error:
             raise RecordingError(f"{self.name}: {error.strerror or error}") from error
 
@@ -212,7 +214,22 @@ class McapScan:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def __del__(self) -> None:
+        self.close()
+
+
+def _open(path: Path) -> int:
+    """Return the descriptor of a file that is open for reading. Raises RecordingError."""
+    try:
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path}: no file")
+        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _not_mcap(magic: bytes) -> str:

@@ -150,6 +150,12 @@ class Recording:
         if problem not in self._problems:
             self._problems.append(problem)
 
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """Close the files."""
         for part in self.parts:
@@ -178,21 +184,11 @@ def part_files(folder: Path) -> list[Path]:
 
 def open_part(path: Path) -> RecordingPart:
     """Return one file. Raises RecordingError."""
+    scan = McapScan(path)
     try:
-        if path.exists() and not path.is_file():
-            raise RecordingError(f"{path}: no file")
-        file = path.open("rb", buffering=0)
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
-    try:
-        scan = McapScan(file, str(path))
         about = RunAbout.from_metadata(_metadata(scan))
     except AboutError as error:
-        file.close()
         raise RecordingError(f"{path}: {error}") from error
-    except RecordingError:
-        file.close()
-        raise
     return RecordingPart(scan, about)
 
 
