@@ -221,9 +221,9 @@ class HostedRobot:
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
             handlers = fresh()
-            self._recording.open(known, envelope.run, self._clock)
+            minds = self._recording.open(known, envelope.run, self._clock)
             fail = self._ending.break_down
-            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail)
+            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail, minds)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return

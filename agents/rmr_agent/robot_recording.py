@@ -1,20 +1,18 @@
 """The recording of one robot in its process: what of a turn, of the trace and of the radio goes into it."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rmr.base.time import Instant
 from rmr.bus import wire
 from rmr.bus.process_recorder import ProcessRecorder
+from rmr.mind.mind_log import MindSink
 from rmr.node.frame_log import FrameLog
 from rmr.node.observed import pose_of, route_of, status_of
 from rmr.record.robot_observer import RobotObserver
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation
-
-MindSink = Callable[[Instant, int, int, bytes], None]
-"""Takes a piece of the log of a robot's mind: instant, robot, incarnation, octets."""
 
 
 class RobotRecording:
