@@ -124,7 +124,7 @@ def _copy_messages(recording: Recording, writer: RecordWriter) -> list[str]:
     unknown: dict[str, int] = {}
     for raw in recording.raw_messages():
         if raw.topic in BY_TOPIC:
-            writer.write_encoded(raw.topic, raw.at, raw.octets)
+            writer.write(raw.topic, raw.at, raw.octets)
         else:
             unknown[raw.topic] = unknown.get(raw.topic, 0) + 1
         if writer.failure is not None:
