@@ -20,6 +20,7 @@ import msgpack  # type: ignore[import-untyped]
 
 from rmr import __version__
 from rmr.base.time import Instant
+from rmr.record.being_written import lock
 from rmr.record.channels import BY_TOPIC, schema_of
 from rmr.record.mcap_writer import McapWriter, OctetSink
 from rmr.record.run_about import METADATA_NAME, RunAbout
@@ -63,7 +64,9 @@ class RecordWriter:
 
     def _open(self, about: RunAbout) -> None:
         if self._file is None:
-            self._file = self.path.open("wb", buffering=0)
+            file = self.path.open("wb", buffering=0)
+            lock(file.fileno())
+            self._file = file
         self._mcap = McapWriter(self._file, LIBRARY)
         self._mcap.metadata(METADATA_NAME, about.to_metadata())
 
