@@ -1,6 +1,6 @@
 """What `rmr-agent` does: load, find the world, live, and say how it ended.
 
-Everything that can be wrong is found in the order in which a person can mend it: the log file, and files that cannot be
+Mistakes are reported in the order in which a user can correct them: the log file, and files that cannot be
 read (exit code 2), the byte-code and its actions (3), then the world (waited for). It imports little, so that fifty
 robots start in seconds.
 """

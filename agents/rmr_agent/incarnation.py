@@ -1,8 +1,8 @@
 """One incarnation of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
 
-Real time in, real time out: the node is called at its `next_wake`, the station at its own, and both whenever
-something has come in; in between the process sleeps. A sample of a body whose node will look at it within a frame
-anyway wakes nobody.
+The process runs in real time: the node is called at its `next_wake`, the station at its own, and both whenever
+something has arrived; in between the process sleeps. A sample of a body does not wake the node if it will read it
+within a frame anyway.
 """
 
 import asyncio
@@ -216,7 +216,7 @@ class Incarnation:
             self.wake()
 
     def hear(self, announcement: Announcement) -> None:
-        """Take in the announcement of a radio frame: what nobody waits for is decided together with others.
+        """Take in the announcement of a radio frame. Frames without acknowledgement are decided together.
 
         A robot that does not know its place hears nothing yet: some calls reach it wherever it is.
         """

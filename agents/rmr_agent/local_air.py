@@ -2,7 +2,7 @@
 
 A robot publishes each announcement on the key of the cell in which the announcement says that it is, and listens to
 the ring around its own cell (`rmr.radio.cells`). It listens from its first sample on: before that it does not know
-where it is, but neither does it transmit, so nobody can answer it. As all that a session declares and publishes
+where it is, but neither does it transmit, so no robot can answer it. As all that a session declares and publishes
 reaches the router in order, a subscription of a robot is known everywhere before its first frame arrives.
 
 Announcements on the cells' keys are low priority: a robot reads them when it next polls. A frame to be acknowledged is

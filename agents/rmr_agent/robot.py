@@ -70,7 +70,7 @@ log = logging.getLogger("rmr")
 
 
 class RobotSetup(NamedTuple):
-    """What a robot brings along: all else it is told by its world."""
+    """The settings of a robot process; everything else comes from its world."""
 
     loaded: Loaded
     fresh: Callable[[], dict[str, Handler]]

@@ -1,6 +1,6 @@
 """The robots of one process: they share its session on the bus and its event loop, nothing else.
 
-One robot to a process is the usual thing: what befalls it befalls nobody else. Several to a process are for density:
+Normally a process has one robot, so a failure affects no other robot. Several robots in a process are for density:
 fifty robots then need a few interpreters, and one subscription for each cell of the floor instead of fifty.
 """
 

@@ -1,12 +1,13 @@
 """Predicates that hold at most one fact on a robot, for all choices of rules.
 
-Facts are resources: a rule takes what it consumes and gives what it derives. A group of predicates of which no rule
-gives more than it takes, and of which a robot is given one fact at most, never holds more than that one: it is a token
-that is passed on (a place invariant, as of a Petri net). Two more ways to come by a fact are no danger to a group: a
-rule that fires once in a robot's life, because all it matches stays for ever, counts as a fact that is given; and, if
-there is no such rule, one that fires only while nothing of the group is there may give one.
+The method is a place invariant, as of a Petri net. Facts are resources: a rule takes what it consumes and gives what it
+derives. A group of predicates holds at most one fact if no rule gives more facts of the group than it takes, and the
+robot starts with at most one of them: that fact is a token that rules pass on. Two kinds of rules may give one more:
 
-Of a persistent predicate, which is a set, it is also enough that all facts given and derived are the same one.
+- a rule that fires once in a robot's life, since all that it matches is persistent: it counts as an initial fact;
+- if there is no such rule, a rule that fires only while the group is empty.
+
+A persistent predicate is a set. For it, it also suffices that all facts stated and derived are the same one.
 """
 
 from collections import Counter
@@ -31,7 +32,7 @@ from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import literal
 
 STEPS_MAX = 200_000
-"""Rules and facts looked at for all groups of a program; what is not shown by then counts as not shown."""
+"""Search budget: rules and facts examined for all groups of a program. Beyond it a predicate counts as unproven."""
 
 OWNER = "self"
 """In a fact's key, the robot itself."""
@@ -39,11 +40,11 @@ OWNER = "self"
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """A predicate of which a robot may hold several facts, as far as anybody can tell."""
+    """A predicate for which at most one fact per robot is not proven."""
 
     predicate: int
     derived: int
-    """A predicate of which too many come; often the same."""
+    """The predicate with too many facts; often the same."""
     rule: int | None
     """The rule that gives more than it takes, or one too many; None: several are stated."""
 
@@ -57,7 +58,7 @@ class _Account:
         self.takes = Counter(each.predicate for each in atoms if each.mode is Mode.CONSUME)
         self.gives = Counter(each.predicate for each in items(rule.head) if isinstance(each, DeriveFact))
         self.without = 0
-        """The predicates of which nothing at all may be there."""
+        """The predicates without any fact whenever the rule fires, as bits."""
         for each in atoms:
             if each.mode is Mode.ABSENT and _matches_all(each):
                 self.without |= 1 << each.predicate
@@ -69,12 +70,12 @@ class _Account:
         return _of(self.gives, group) > _of(self.takes, group)
 
     def fills(self, group: int) -> bool:
-        """Return whether the rule gives one fact of a group, and that only while there is none."""
+        """Return whether the rule gives one fact of a group, and fires only while the group is empty."""
         return _of(self.gives, group) == 1 and not group & ~self.without
 
 
 def several(program: Program, stated: Sequence[InitialFact]) -> Iterator[Several]:
-    """Yield the predicates of which it cannot be shown that a robot holds at most one fact.
+    """Yield the predicates for which at most one fact per robot is not proven.
 
     `stated` are all facts that robots are given; others must not come from outside.
     """

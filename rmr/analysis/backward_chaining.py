@@ -11,7 +11,7 @@ Reading a derivation backwards means to unify what is wanted with what it derive
 unifier says what they are, are what is wanted next.
 
 The reading is the same for all robots. A slot with a positive index is a variable and may be anything; 0 is
-the home robot, and a negative one a value that whoever asks knows and the program does not (a job's bindings).
+the home robot, and a negative one a value that the caller knows and the program does not (a job's bindings).
 Such a given value may or may not equal a constant or another one: a reading that is `sure` takes them for
 different, any other takes it that they may be the same.
 """

@@ -252,7 +252,7 @@ def predicate_place(program: Program, predicate: int) -> Place | None:
 
 
 def _several(each: Several, program: Program) -> Obstacle:
-    """Return in words what lets a robot hold several facts."""
+    """Return the message why a robot may hold several facts."""
     name, derived = (program.predicates[index].name for index in (each.predicate, each.derived))
     begin = f"a robot may hold several facts `{name}`"
     if each.rule is None:

@@ -1,12 +1,11 @@
 """How many firings lie between a fact and a goal (paper III.B, figure 6).
 
-What is wanted at level 0 are the goals; at level k + 1 the premises of the derivations of what is wanted at
-level k. A fact has the lowest level at which it is wanted, and a firing the lowest of the facts that it
-brings about. So the levels are a breadth-first search backwards from the goals over patterns, and a loop
-among rules ends where it comes upon a pattern again.
+The levels are a breadth-first search backwards from the goals, over patterns. Level 0 has the goals, level k + 1 the
+premises of the derivations of level k. A fact has the lowest level at which it is wanted, and a firing the lowest of
+the facts that it derives. A cycle of rules ends where a pattern occurs again.
 
-A level is worked out when somebody asks beyond the last one. Who knows the facts asks for them (the virtual
-machine); who does not looks at all that is wanted (the compiler).
+A level is computed on the first request beyond the last one. The virtual machine asks for the facts that it holds; the
+compiler, which knows no facts, reads all patterns.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,7 +26,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Anything, Constant, Slot
 
 STEPS_MAX = 10_000
-"""Derivations and premises looked at for one set of goals, the nearest first; what lies beyond has no rank."""
+"""Search budget for one set of goals: derivations and premises, nearest first. Patterns beyond it have no rank."""
 
 
 Key = tuple[object, ...]
@@ -47,7 +46,7 @@ class Reached(NamedTuple):
 
 
 class Levels:
-    """What is wanted at each level, worked out as far as anybody has asked."""
+    """The patterns wanted at each level, computed as far as they have been requested."""
 
     def __init__(
         self, backwards: Backwards, goals: Iterable[Wanted], robot: Robot | None = None, *, sure: bool = False

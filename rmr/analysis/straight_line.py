@@ -1,9 +1,9 @@
 """An expression as a straight line of typed operations, as far as it is of numbers, Booleans, symbols and robots.
 
-A stack machine jumps; columns of many robots cannot, for some would and some would not. So what a jump passes over is
-an operand like any other, and AND, OR and IF say of which operands the value is taken: each operation names the
-earlier ones that it works on, and the last one is the expression. The type of each is known from the text. What
-depends on constants alone is worked out here.
+A stack machine jumps; columns of many robots cannot, since some robots would jump and others not. Jumps are replaced
+by selection: the code that a jump skips is evaluated like any other operand, and AND, OR and IF select an operand.
+Each operation names the earlier operations that are its operands; the last one is the expression. All types are known
+statically. Operations on constants are folded.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -229,4 +229,4 @@ _FOLDED: dict[str, Callable[..., Value]] = {
     **{op.name.lower(): work for op, work in (*BINARY.items(), *UNARY.items())},
     **{each.name: partial(_called, each.name) for each in FUNCTIONS if each.name in _TYPES},
 }
-"""What is worked out of constants, by operation."""
+"""Constant folding, by operation."""

@@ -1,6 +1,6 @@
 """The reason for which a router refuses a client, for an error message.
 
-zenoh tells a client that is refused the same as one that finds nobody: it is "unable to connect". So the endpoint is
+zenoh reports a refusal and a missing router in the same words, "unable to connect". So the endpoint is
 asked once more, with the first message of zenoh's handshake (InitSyn, protocol version 9) and no credentials. A router
 with a secret answers with Close, one without with InitAck, any other program with something else or nothing.
 """

@@ -107,7 +107,7 @@ class Inbox:
             self._awake = True
             try:
                 self._loop.call_soon_threadsafe(self._drain)
-            except RuntimeError:  # the loop is closed: the process is ending and nobody listens
+            except RuntimeError:  # the loop is closed: the process is ending
                 self._items.clear()
 
     def poll(self) -> None:

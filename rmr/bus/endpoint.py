@@ -9,7 +9,7 @@ DEFAULT_PORT = 17447
 """Not 7447, which is zenoh's own: a zenohd or another program of zenoh may listen there."""
 
 DEFAULT_ENDPOINT = f"tcp/127.0.0.1:{DEFAULT_PORT}"
-"""Where a world listens and a robot connects unless told otherwise."""
+"""Default endpoint at which a world listens and to which a robot connects."""
 
 ENDPOINT = re.compile(r"(tcp|udp|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
 

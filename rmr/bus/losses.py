@@ -7,7 +7,7 @@ from rmr.bus.checks import MalformedError
 from rmr.bus.wire import Envelope
 
 STREAMS_MAX: Final = 4096
-"""Streams of which a `Losses` keeps the last number: more than senders times keys of one process."""
+"""Bound of the streams whose last number a `Losses` keeps: more than senders times keys of one process."""
 
 LOST_MAX: Final = 1 << 53
 """Greatest value of `Losses.lost`: forged numbers must not add up to a count that no message can carry."""
@@ -45,5 +45,5 @@ class Losses:
         self.malformed_last = str(error)
 
     def forget(self, on: Callable[[str], bool]) -> None:
-        """Forget the streams of the keys `on` holds for: what is sent while nobody listens is not lost."""
+        """Forget the streams of the keys `on` holds for: what is sent without a subscription is not lost."""
         self._streams = {stream: last for stream, last in self._streams.items() if not on(stream[0])}

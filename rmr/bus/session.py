@@ -348,7 +348,7 @@ class Bus:
     async def ask(self, key: str, body: wire.Message, timeout_s: float) -> list[tuple[wire.Envelope, int]]:
         """Return the replies to `body` of all who serve `key`, each with its instant of arrival (monotonic ns).
 
-        Waits until all have answered, `timeout_s` at most; nobody there is an empty list.
+        Waits until all have answered, `timeout_s` at most; without an answer the list is empty.
         """
         replies: list[tuple[wire.Envelope, int]] = []
         done = asyncio.get_running_loop().create_future()

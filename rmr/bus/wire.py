@@ -93,7 +93,8 @@ class Air(NamedTuple):
 
 
 class Handshake(NamedTuple):
-    """A radio frame that begins and wants an acknowledgement, told once more to its receiver, who has milliseconds."""
+    """A radio frame that begins and requests an acknowledgement, announced a second time to its receiver alone, which
+    must answer within milliseconds."""
 
     announcement: Announcement
 
@@ -162,7 +163,7 @@ class Map(NamedTuple):
     facts: tuple[tuple[str, int | None, tuple[Value, ...]], ...]
     """Predicate, owner (None: every robot), arguments without the owner."""
     finish: tuple[str, tuple[Value | None, ...]] | None
-    """Predicate and arguments of the finish fact, of which None matches anything; None: the lab has none."""
+    """Predicate and arguments of the finish fact; an argument None matches anything. None: the lab has none."""
     clock: str
     """One of `CLOCK_STATES`."""
     disturbances: tuple[Disturbance, ...]
@@ -196,7 +197,7 @@ class Status(NamedTuple):
     """The last status: its sender leaves."""
     stamp: Instant
     report: dict[str, Any]
-    """Its part of the run's report; empty where it is large and was told a moment ago."""
+    """Its part of the run's report; empty where it is large and was sent a moment ago."""
 
 
 class Stop(NamedTuple):

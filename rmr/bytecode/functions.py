@@ -75,7 +75,7 @@ class Function:
     """The function of single values. Raises NoValue; a function of numbers alone also ValueError and OverflowError,
     and its caller checks the range of the result."""
     doc: str = ""
-    """The value in words, for the language reference."""
+    """Description of the value, for the language reference."""
     example: str = ""
     """A call with the arguments in the right order, for the hint of an error that swaps them."""
     bounds: tuple[float, float] | None = None

@@ -43,7 +43,7 @@ class Excess(NamedTuple):
     entry: int
     """Index of the entry in its table."""
     text: str
-    """The excess in words, such as ``2000 variables, at most 1024 are possible``."""
+    """Message about the excess, such as ``2000 variables, at most 1024 are possible``."""
 
 
 def exceeded(program: Program) -> Iterator[Excess]:

@@ -118,7 +118,7 @@ def hot() -> list[str]:
 
 
 def compile_into(folder: Path) -> None:
-    """Compile the hot modules into `folder`. What stands there is replaced when all is done. Raises UncompiledError."""
+    """Compile the hot modules into `folder`, whose contents are replaced at the end. Raises UncompiledError."""
     states = {path: state(path) for path in _sources()}
     being_made = folder.with_name(folder.name + ".new")
     shutil.rmtree(being_made, ignore_errors=True)
@@ -148,7 +148,7 @@ def _build(sources: list[str], into: Path) -> None:
 
     scratch = into.with_name(into.name + ".c")
     print("[1/2] mypyc checks types and writes C (about half a minute)", flush=True)
-    said = StringIO()  # mypyc warns of what it compiles less well, which is no news to whoever only wants it done
+    said = StringIO()  # mypyc warns of code that it compiles less well: of no use to users
     try:
         with redirect_stdout(said), redirect_stderr(said):
             extensions = mypycify(

@@ -91,7 +91,7 @@ class Booking:
         self.said = job.time
         changed = self.provisional or new != old
         self.provisional = False
-        repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
+        repeated = job.underway and job.release <= job.time  # it is as far away as in its first report
         if job.release != self.release and not repeated:
             self.approach = max(job.release - job.time, 0)
         _, self.duration, self.deadline, self.headway, self.direction, self.underway = new

@@ -46,7 +46,7 @@ class Outbox:
         """Event of each unicast whose outcome is awaited."""
 
     def put(self, item: "Send | CoordEvent") -> None:
-        """Queue `item`; the oldest is dropped when nobody drains."""
+        """Queue `item`; the oldest is dropped if the host does not drain the queue."""
         if len(self.items) >= OUTPUT_MAX:
             del self.items[0]
         self.items.append(item)
@@ -94,7 +94,7 @@ class OwnJob:
         self.entered: Instant = 0
         self.until: Instant = 0
         self.told: tuple[Instant, Duration] = (request.release, request.duration)
-        """Release and duration as the leader was told last."""
+        """Release and duration as last reported to the leader."""
 
 
 class Context:
@@ -138,7 +138,7 @@ class Context:
         self.joins = 0
         """JOBs sent or due for what the leader does not list."""
         self.untold = False
-        """The leader followed has not been told the own job."""
+        """The own job has not been sent to the leader that is followed."""
         self.relayed: Instant = -NEVER
         self.answered: Instant = -NEVER
         self.reminded: Instant = -NEVER
@@ -187,7 +187,7 @@ class Context:
         return self.peers() == 0 and not self.company
 
     def undisputed(self, now: Instant) -> bool:
-        """Return whether nobody else can claim or be inside, so that entering needs no claim."""
+        """Return whether no other robot can claim or be inside, so that entry needs no claim."""
         return self.alone or (self.job is not None and now < self.job.assured)
 
     def quiet(self, now: Instant) -> Duration:
@@ -233,7 +233,7 @@ class Context:
         self.outbox.put(event)
 
     def fresh(self, now: Instant) -> bool:
-        """Return whether the schedule held is one that somebody may act upon."""
+        """Return whether the schedule held is still valid for some robot."""
         return now < self.held.issued + self.timing.schedule.lease + 2 * self.timing.clock_error
 
     def banned(self, leader: int, now: Instant) -> bool:

@@ -34,8 +34,8 @@ class Coordination:
     def __init__(
         self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", timing: Timing | None = None
     ) -> None:
-        """`known_peers`: how many other robots there are, as far as known; who hears so many ask knows that nobody
-        leads, and it tunes waiting times."""
+        """`known_peers`: number of other robots, as far as known. A robot that has heard questions of so many concludes
+        that none of them leads. It also determines waiting times."""
         self.robot = robot
         self.malformed = 0
         """Frames that were no frames of coordination or from a broken clock."""
@@ -63,12 +63,12 @@ class Coordination:
         deadline: Instant | None = None,
         underway: bool | None = None,
     ) -> None:
-        """The robot's own estimate has changed; the leader is told when it matters and the slot can still move."""
+        """The robot's own estimate has changed; the leader hears of it if it matters and the slot can still move."""
         self._group(group_id).revise(now, release, duration, deadline, underway)
         self._settle()
 
     def receive(self, now: Instant, payload: bytes, source: int) -> bool:
-        """Take in a frame's payload; False when it is none of coordination (or malformed, which is counted)."""
+        """Process a frame's payload; return False if it is no coordination frame (or malformed, which is counted)."""
         if not payload or not 0 < payload[0] <= _KIND_LAST:
             return False
         try:

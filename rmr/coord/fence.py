@@ -1,6 +1,6 @@
 """The fence: what is known of robots that claim or are inside, and whether one may enter.
 
-A schedule is a plan; the fence goes by what robots report of themselves. It keeps the newest beacon of
+A schedule is a plan; the fence decides by what robots report of themselves. It keeps the newest beacon of
 each robot by (trigger, time, phase), whatever the term, so that repeats and reordering change nothing; OUT and GONE
 are final for all triggers up to theirs. Leadership is never trusted with physical safety, because the
 broadcast discovery has no quorum: two leaders can give overlapping slots, and here one of them yields.

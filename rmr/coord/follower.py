@@ -29,12 +29,12 @@ def begin_election(c: Context, now: Instant, first: Instant | None = None) -> No
     c.set(Timer.SUSPECT, NEVER)
     if c.alone:
         c.asks = c.timing.election.asks
-        first = now  # there is nobody to ask
+        first = now  # there is no robot to ask
     c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.timing.election.ask_spread) if first is None else first)
 
 
 def on_ask_timer(c: Context, now: Instant) -> bool:
-    """Ask, or return True: nobody answered and this robot must lead."""
+    """Ask again, or return True: all questions are unanswered, and this robot must lead."""
     c.set(Timer.ASK, NEVER)
     if c.role is not Role.CANDIDATE or c.job is None:
         return False
@@ -51,7 +51,7 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
 def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
     """Handle a question of another candidate: defer to an earlier one, or answer with the known schedule.
 
-    Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
+    Return True where this robot asked first and has heard questions of all others: then none of them leads.
     """
     if c.role is Role.CANDIDATE:
         if now - job.time > c.timing.schedule.lease:
@@ -142,7 +142,8 @@ def _remind(c: Context, now: Instant, sched: Sched) -> None:
 def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
     """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder.
 
-    A new leader is told at once, even by a robot that knows one part of its schedule and may be listed in another.
+    The job is sent to a new leader at once, even if the robot knows only one part of its schedule and may be listed in
+        another.
     """
     job = c.job
     if job is None or c.passage is Passage.INSIDE:

@@ -47,7 +47,7 @@ class Group:
         if c.role is Role.LEADING:
             leader.own_job_changed(c, now)
         elif request.inside:
-            c.awake = now  # it asks nobody for what it has
+            c.awake = now  # it is inside and needs no slot: no election
         elif c.fresh(now) and not c.held.resigned and not c.banned(c.held.term.leader, now):
             c.become(Role.FOLLOWING)
             c.joins = 1

@@ -54,7 +54,7 @@ class _Profile:
         return NEVER if at > self._limits[after] else max(at + self._tails[after], self._floors[after])
 
     def spot(self, job: int) -> tuple[Instant, int]:
-        """Return the earliest end with `job` put in, and where; NEVER where somebody would be late."""
+        """Return the earliest end with `job` inserted, and its place; NEVER if a job would be late."""
         problem = self._problem
         best = (NEVER, 0)
         for at in range(len(self._order) + 1):
@@ -126,9 +126,9 @@ def _exchange(problem: Problem, order: list[int], profile: _Profile, job: int) -
 
 
 def settle(problem: Problem, kept: Sequence[int]) -> list[int]:
-    """Return an order of all jobs where there are many, of which those `kept` are on time.
+    """Return an order of all jobs of a crowd; those in `kept` are on time.
 
-    These go by deadline if all stay on time so and end no later, each other one as early as makes none of them late.
+    Those go by deadline if then all stay on time and end no later, each other one as early as makes none of them late.
     A job with little time left stands near the entrance, as a rule: any other order has robots pass each other where
     they stand.
     """

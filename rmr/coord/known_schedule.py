@@ -1,7 +1,7 @@
 """The newest schedule that a robot has heard, part by part.
 
-Schedules of many robots come in many frames, and every frame is heard by all; what is asked of a part is worked out
-once for its entries, so that a frame costs as much as it has parts and not as they have entries.
+Schedules of many robots come in many frames, and every robot receives every frame. So the properties of a part are
+computed once when it is received: queries cost time in proportion to the parts, not to their entries.
 """
 
 from functools import lru_cache

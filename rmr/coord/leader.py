@@ -71,7 +71,7 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
 
 
 def _assure(c: Context) -> None:
-    """Note until when nobody else can be about to enter, if all robots of the roster ask.
+    """Note until when no other robot can be about to enter, if all robots of the roster ask.
 
     A candidate is not inside, does not claim, and does not claim before it has asked in vain or been given a slot,
     which takes longer than W.
@@ -184,13 +184,13 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
 def _eager(c: Context, now: Instant) -> bool:
     """Return whether the leader's own job may have a slot at once.
 
-    It need not claim, and is ready; who is alone wastes nobody's time if it is not.
+    It needs no claim and must be ready; alone it need not be, since no other robot loses time.
     """
     return c.job is not None and c.undisputed(now) and (c.job.ready or c.alone)
 
 
 def on_issue_timer(c: Context, now: Instant) -> None:
-    """Repeat the schedule, brought up to date; fall silent when nobody needs it any more."""
+    """Repeat the schedule, brought up to date; fall silent when no robot needs it any more."""
     ledger = c.ledger
     if ledger is None:
         c.set(Timer.ISSUE, NEVER)

@@ -71,7 +71,7 @@ class Phase(IntEnum):
 
 
 OVER: Final = frozenset((Phase.OUT, Phase.GONE))
-"""Phases of entries that hold up nobody any more."""
+"""Phases of entries that no longer delay others."""
 
 
 class Job(NamedTuple):
@@ -97,7 +97,7 @@ class Job(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One entry of a schedule, 9 octets. `robot` NOBODY keeps a rank that nobody holds."""
+    """One entry of a schedule, 9 octets. `robot` NOBODY: a rank without a robot."""
 
     robot: int
     trigger: Instant

@@ -1,6 +1,6 @@
 """The passage of this robot's own job: claim, enter, say that one is inside, leave (phases).
 
-A slot alone lets nobody in. The robot claims for at least W before entering, awake all the time, under a
+A slot alone does not permit entry. The robot claims for at least W before entering, awake all the time, under a
 schedule whose lease has not run out, and enters in the window after the slot's start when the fence is open
 and its motion is ready. Otherwise the window passes, and it asks for another slot.
 """

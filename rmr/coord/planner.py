@@ -52,7 +52,7 @@ class Planner:
         rest = [job for job in movable if job.robot not in known]
         tasks = self._ordered(rest, behind)
         if many:
-            # Beyond EXACT_MAX the order is a heuristic: jobs that hold up nobody under way go between them.
+            # Beyond EXACT_MAX the order is a heuristic: jobs that delay no robot under way go between those.
             tasks = merge(ahead, tasks, fixed, self._rules)
             behind = fixed
         by_robot = {job.robot: job for job in (*first, *rest)}
@@ -93,7 +93,7 @@ class Planner:
         return self._own_first(order, fixed) if self._eager else order
 
     def _own_first(self, order: list[Task], fixed: list[Placed]) -> list[Task]:
-        """Return `order` with the leader's own job, which may start at once, first if that makes nobody else late.
+        """Return `order` with the leader's own job, which may start at once, first if that makes no other job late.
 
         Not before a job that is due sooner by more than the time that the others need to claim.
         """

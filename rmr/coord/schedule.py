@@ -1,17 +1,17 @@
-"""In which order the jobs of a group go, and when: pure functions of what the leader knows.
+"""The order and the start times of the jobs of a group: pure functions of what the leader knows (docs/scheduling.md).
 
 A job occupies the shared place from its start for its duration. Between two starts lies at least `gap`: the
-headway in the same direction, the whole passage in opposite directions. The order of deadlines is taken whenever it
-keeps every job on time (paper IV.C: the list is maintained according to the deadline). When it does not, the
-order that keeps most jobs on time is looked for, then the earliest end, then the smallest sequence of
-(deadline, robot): exactly for up to `EXACT_MAX` jobs, by the better of a beam and insertion beyond
-(`rmr.coord.search`). Late jobs go, by (deadline, robot), where they delay nobody that is on time, most often last.
+headway in the same direction, the whole passage in opposite directions. The order by deadline is taken whenever it
+keeps every job on time (paper IV.C: the list is maintained according to the deadline). Otherwise the order with most
+jobs on time is searched, then the earliest end, then the smallest sequence of (deadline, robot): exactly for up to
+`EXACT_MAX` jobs, by the better of a beam and insertion beyond (`rmr.coord.search`). Late jobs go by (deadline, robot)
+where they delay no job that is on time, most often last.
 
-An order that is known already is kept, with what is new put in, unless that costs a job or a headway: robots are under
-way in it. The order of deadlines replaces it only where a job is new.
+A known order is kept, with new jobs inserted, unless that costs a job or a headway: robots are under way in it. The
+order by deadline replaces it only if a job is new.
 
-More than `EXACT_MAX` robots stand in each other's way, as a rule with those that are due first in front. So of them all
-that are on time go by deadline, if that costs nothing, and late ones as early as makes nobody else late.
+More than `EXACT_MAX` robots stand in each other's way, as a rule with those that are due first in front. So all that
+are on time go by deadline if that costs nothing, and late ones as early as they can without making another one late.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ BEAM_WORK: Final = 64_000
 """Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 40."""
 
 NEW_MAX: Final = 5
-"""New jobs that are put into the order so far; with more there is little to be kept."""
+"""Greatest number of new jobs that are inserted into the known order; with more there is little to keep."""
 
 
 class Task(NamedTuple):
@@ -41,9 +41,10 @@ class Task(NamedTuple):
     headway: Duration
     direction: int
     joined: Instant = 0
-    """When the leader heard of it first."""
+    """When the leader first heard of it."""
     grace: Duration = 0
-    """So much later it still counts as on time, but not where the order of deadlines is to keep all on time."""
+    """Tolerance: in the search the job counts as on time up to this much after its deadline. Whether the order by
+    deadline keeps all on time is decided without it."""
 
 
 class Placed(NamedTuple):
@@ -56,12 +57,12 @@ class Placed(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What order and gaps depend on beside the jobs."""
+    """Conditions of order and gaps, besides the jobs."""
 
     floor: Instant
     """No new slot is before this."""
     opposed: Duration
-    """Beside the duration, between opposite ways."""
+    """Least gap between opposite directions, in addition to the duration."""
     order: Order = Order.OURS
 
 
@@ -167,7 +168,7 @@ def on_time(order: Sequence[Task], starts: Sequence[Instant]) -> int:
 
 
 def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, old: Sequence[int] = ()) -> list[Task]:
-    """Return `tasks` in the order in which they shall go. `old` is the order so far, by robot."""
+    """Return `tasks` in the order to take. `old` is the known order, by robot."""
     if rules.order is Order.FCFS:
         return sorted(tasks, key=by_arrival)
     jobs = sorted(tasks, key=by_deadline)
@@ -185,7 +186,7 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
 
 def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> Problem:
     """Return what the search needs to know of `jobs`, which are sorted by (deadline, robot)."""
-    # Of many jobs most take as long as others: gaps are worked out once for each kind.
+    # Most of many jobs are of few kinds: gaps are computed once for each pair of kinds.
     kinds = [(task.duration, task.headway, task.direction) for task in jobs]
     samples = dict(zip(kinds, jobs, strict=True))
     gaps = {one: {two: _up(gap(a, b, rules.opposed)) for two, b in samples.items()} for one, a in samples.items()}
@@ -247,7 +248,7 @@ def _cost(problem: Problem, order: Sequence[int]) -> tuple[int, Instant]:
 
 
 def _steady(best: list[Task], kept: list[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
-    """Return `kept`, which goes by the old order, instead of `best` when it costs neither a job nor a headway."""
+    """Return `kept`, which follows the known order, instead of `best` if it costs neither a job nor a headway."""
     new_starts = place(best, standing, rules)
     old_starts = place(kept, standing, rules)
     if on_time(kept, old_starts) < on_time(best, new_starts):

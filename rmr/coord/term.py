@@ -6,7 +6,7 @@ Counters are serial numbers in a circle, as in RFC 1982, so no counter is the la
 from typing import Final, NamedTuple
 
 NOBODY: Final = 0xFFFF
-"""No robot: the broadcast address is nobody's own."""
+"""No robot: the broadcast address belongs to none."""
 
 COUNTER_MAX: Final = 0xFFFF
 """Term counters are serial numbers 1..65535 in a circle (as in RFC 1982); 0 stands for "no term".

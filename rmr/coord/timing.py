@@ -131,10 +131,10 @@ class ScheduleTiming:
     replan_job: Duration = 10 * MS
     """The same per job beyond those of one frame, where the news concerns no slot that is near."""
     soon: Duration = 3000 * MS
-    """A robot with a slot within this is told of changes at once, the others in turn. Two robots claim in this time.
+    """A robot with a slot within this is sent changes at once, the others in turn. Two robots claim in this time.
     None of the others may enter under a schedule that it holds, for a lease is shorter."""
     revision: Duration = 100 * MS
-    """A change of release or duration larger than this is told to the leader."""
+    """A change of release or duration larger than this is reported to the leader."""
     grace: Duration = 400 * MS
     """A slot in time counts as in time for the order while its owner's estimates make it late by no more than this.
     Estimates are upper bounds, and a job that fell behind all others for tenths of a second would certainly be late."""

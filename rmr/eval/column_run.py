@@ -92,10 +92,10 @@ class ColumnRun:
         if (self.firings, self._failed) != before:
             self.happened = now
 
-    # ---- what is told
+    # ---- the report
 
     def entries(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield what the report says of each robot."""
+        """Yield each robot with its part of the report."""
         columns = self._columns
         for place, robot in enumerate(self._robots):
             yield (

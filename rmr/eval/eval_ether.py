@@ -1,11 +1,11 @@
 """The air of an evaluation: ideal or lossy, with a latency, among robots that are in range of each other.
 
-It stands where the radio stands on a robot, without medium access, collisions or repeats of its own: a frame is with
-everybody it is for after the latency, or it is lost, for each of them by itself. Acknowledgements are frames like any
-other. Who is out of range gets nothing; there is no way around.
+It replaces a robot's radio, without medium access, collisions or repeats of its own. A frame reaches each of its
+receivers after the latency, or is lost, independently for each receiver. Acknowledgements are frames like any other.
+Robots out of range receive nothing; there is no routing.
 
-Frames of one instant may answer each other without end if the latency is 0. So a chain of answers within one instant
-has only so many links; then no frame is faster than the usual latency any more, and time moves on.
+If the latency is 0, frames of one instant may answer each other endlessly. So the length of a chain of answers within
+one instant is bounded. Beyond it no frame is faster than the usual latency, and time moves on.
 """
 
 from collections import deque
@@ -22,7 +22,7 @@ from rmr.node.payloads import PayloadKind
 from rmr.node.ports import Confirmed, Received
 
 HOPS_AT_ONCE_MAX = 1000
-"""Frames of one instant of which each answers the one before: a flood through a thousand robots in a line."""
+"""Longest chain of answers within one instant: a flood through a thousand robots in a line needs as many."""
 LATENCY: Duration = milliseconds(5)
 """The usual latency, also the least one once the robots have answered each other without end."""
 REPEATS_KNOWN = 16

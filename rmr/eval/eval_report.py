@@ -36,7 +36,7 @@ class Connected(Protocol):
 
     @property
     def topology(self) -> Topology:
-        """Who is in range of whom."""
+        """Which robots are in range of each other."""
 
 
 class NodeRun(Protocol):
@@ -95,7 +95,7 @@ class EvaluatedRun(Protocol):
         """End the run soon."""
 
     def entries(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield what the report says of each robot."""
+        """Yield each robot with its part of the report."""
 
     def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
         """Yield the robots that are not idle, with what each has yet to do."""
@@ -144,7 +144,7 @@ def reasons(run: EvaluatedRun) -> list[str]:
 
 
 def satisfied(firings: int, last: str | None) -> str:
-    """Return in words that rules are satisfied; `last` is where the rule stands that was seen to fire last."""
+    """Return the message that rules are still satisfied; `last` is the position of the rule that fired last."""
     return f"rules are still satisfied after {firings} firings" + (f", the last at {last}" if last is not None else "")
 
 
@@ -152,7 +152,7 @@ def satisfied(firings: int, last: str | None) -> str:
 
 
 def entry(hosted: HostedNode) -> dict[str, Any]:
-    """Return what the report says of a robot; of one that has been killed also how often and whether it lives."""
+    """Return a robot's part of the report; for one that was killed also its restarts and whether it lives."""
     part = _life(hosted)
     if not hosted.past and hosted.alive:
         return part

@@ -1,6 +1,6 @@
 """The values of the command's options: numbers of robots, durations, shares, outside events.
 
-A value that is none is the caller's mistake: `OptionError` says what was found and what to write instead.
+An invalid value is the caller's mistake: `OptionError` says what was found and what to write instead.
 """
 
 import re

@@ -18,7 +18,7 @@ from rmr.eval.options import OptionError
 from rmr.lang.analyse.names import meant
 
 FILE_OCTETS_MAX = 1 << 26
-"""64 MiB: a million pairs take about 12 MB; a larger file is none of a topology."""
+"""64 MiB: a million pairs take about 12 MB; a larger file is no topology."""
 
 Pair = tuple[int, int]
 
@@ -84,7 +84,7 @@ def _line(robots: Sequence[int]) -> Iterator[Pair]:
 
 
 def _ring(robots: Sequence[int]) -> Iterator[Pair]:
-    """A line of which the last is in range of the first; two robots are one pair."""
+    """A line whose last robot is in range of the first; two robots are one pair."""
     yield from _line(robots)
     if len(robots) > 2:
         yield robots[-1], robots[0]

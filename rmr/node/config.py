@@ -1,4 +1,4 @@
-"""What a robot is told before it starts: who it is, where it is, what it is to finish."""
+"""The configuration that a robot gets before it starts: its identity, its place, its finish fact."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
@@ -37,29 +37,29 @@ class NodeConfig:
 
     robot: int
     roster: Collection[int]
-    """Ids of all robots of the lab, this one's too; where they are many, what answers ``in`` at once (a dict)."""
+    """Ids of all robots of the lab, this one's included; of many, a container with a fast ``in`` (a dict)."""
     arena: Arena
     seed: int
     radio: RadioConfig = field(default_factory=RadioConfig)
-    """Power and path loss, by which distances are told from signal strength."""
+    """Power and path loss, by which distances are estimated from signal strength."""
     facts: tuple[GivenFact, ...] = ()
     """Facts of the lab beside the program's; those of other robots are ignored."""
     finish: FinishPattern | None = None
     """The fact that ends the robot's part; None: nothing does."""
     epoch: int = 0
-    """How often the robot was started before; tells its messages from those of an earlier life."""
+    """Number of earlier starts; distinguishes its messages from those of an earlier life."""
     phase: Duration = 0
-    """How much later than the lab's its frames begin: hosts that share a machine spread theirs."""
+    """Delay of its frames to those of the lab: hosts that share a machine spread theirs."""
     trace: TraceLevel = TraceLevel.NOTES
-    """How much the robot notes for whoever watches it."""
+    """How much the robot records in its trace."""
     engine: Engine = Engine.GENERATED
     """What runs the program; all engines do the same."""
     turn: Duration = UNKNOWN_INSIDE
-    """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""
+    """Expected length of a turn without a drive; extended while its action lasts longer."""
     timing: Timing = field(default_factory=Timing)
-    """The constants of coordination; how much a frame holds is the link's to say."""
+    """The constants of coordination; the payload of a frame is determined by the link."""
     witness: Callable[[int, Instant, object], None] | None = None
-    """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
+    """Callback of checkers for each event inside the robot: (robot, instant, event)."""
 
     without: frozenset[str] = frozenset()
     """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""

@@ -23,7 +23,7 @@ class Radio(Protocol):
     """The way out to other robots."""
 
     def transmit(self, payload: bytes, destination: int | None) -> int:
-        """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
+        """Hand a payload to the radio (None: broadcast); return the handle by which its outcome is reported."""
 
 
 class DrivingHost(Protocol):
@@ -44,7 +44,7 @@ class DrivingHost(Protocol):
         """Set out for `goal`; by a gated crossing through its hold line. The others hear of it."""
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot."""
+        """Record an entry of the trace."""
 
 
 class ActionHost(DrivingHost, Protocol):
@@ -91,4 +91,4 @@ class CrossingHost(DrivingHost, Protocol):
         """Return whether an action drives to the area that it names: it may be gated."""
 
     def tell(self, event: object) -> None:
-        """Tell whoever checks the run that `event` has happened."""
+        """Report `event` to the checkers of the run."""

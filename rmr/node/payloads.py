@@ -50,11 +50,11 @@ class DeliveryRole(IntEnum):
     FACT = 0
     GOAL = 1
     ACTION = 2
-    """To be carried out. Number: by which its sender knows it, 0 if nobody waits for its end."""
+    """To be executed. Number: the sender's number of the action; 0 if it does not wait for the end."""
     COMPLETED = 3
     """The end of an action, to the robot that derived it. Number: the action's."""
     FAILED = 4
-    """Likewise; it failed, or nobody carries it out."""
+    """The same; it failed, or has no handler."""
     FINISH_AWAITED = 5
     """A job waits for a fact of the receiver. Index: the assertion; arguments: S's. Number: the job's start."""
     FINISH_SEEN = 6

@@ -100,7 +100,7 @@ class Sensed:
 
 
 class Spoken(NamedTuple):
-    """A frame that a robot has handed to its radio, for whoever checks a run."""
+    """A frame that a robot has handed to its radio; an event for checkers."""
 
     payload: bytes
 
@@ -141,10 +141,10 @@ class Ports:
 
     link: RadioPort
     body: BodyPort | None
-    """None: a robot without a body (logic only). It says no hellos, having no place to tell, and no sense of its own
-    finds out what an action has done: what the action's effects say of sensed predicates holds when it ends."""
+    """None: a robot without a body (logic only). It sends no hellos, having no position. It has no senses, so the
+    effects of an action on sensed predicates hold when it ends."""
     spent: Callable[[], Duration] | None = None
     """Processor time used since the current call of `tick` began; None: virtual time, which uses none."""
     neighbors: Callable[[], Sequence[tuple[int, float]]] | None = None
     """(robot, metres) of those in range, where the host knows; the same object while nothing has changed. None: the
-    robot goes by the frames that it hears."""
+    robot estimates it from the frames that it hears."""

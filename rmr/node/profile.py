@@ -36,7 +36,7 @@ FIRST_PER_ROBOT: Final[Duration] = milliseconds(20)
 FIRST_MAX: Final[Duration] = seconds(1)
 """The first hellos are spread over no more than this, where that is enough."""
 CHANGE: Final[Duration] = milliseconds(20)
-"""A change is told within this, where that is enough."""
+"""A change is announced within this, where that is enough."""
 ANSWER_PER_ROBOT: Final[Duration] = milliseconds(5)
 """Time that suffices for each robot of the roster to say something: a new schedule changes things for all at once."""
 HELLO_SPREAD: Final = 0.1
@@ -58,9 +58,9 @@ class Profile:
     first_spread: Duration
     """The first hellos are spread over this."""
     change_spread: Duration
-    """A change is told within this."""
+    """A change is announced within this."""
     promises_to_stay: bool
-    """A robot that will stand for a while says so; the others speak as often as so few of them may."""
+    """A robot that will stand for a while says so. The others, being few, send often."""
     listens_first: bool
     """A robot asks for a turn only when it has heard where the others are."""
     late_goes_next: bool

@@ -67,10 +67,10 @@ class RobotState:
         self.dirty = True
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot (`rmr.node.trace`)."""
+        """Record an entry of the trace (`rmr.node.trace`)."""
         self.notes.note(now, what, **fields)
 
     def tell(self, event: object) -> None:
-        """Tell whoever checks the run that `event` has happened."""
+        """Report `event` to the checkers of the run."""
         if self.config.witness is not None:
             self.config.witness(self.robot, self.now, event)

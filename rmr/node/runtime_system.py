@@ -15,7 +15,7 @@ from rmr.node.messenger import Messenger
 from rmr.node.robot_state import RobotState
 
 ROUNDS_MAX: Final = 64
-"""Rounds in one call: actions that end at once could go on for ever. The rest waits for the next frame."""
+"""Bound of the rounds in one call: actions that end at once could repeat endlessly. The rest waits for a frame."""
 
 
 class RuntimeSystem:

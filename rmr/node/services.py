@@ -62,11 +62,11 @@ class RobotServices:
         return self._robot_state.now
 
     def tell(self, event: object) -> None:
-        """Tell whoever checks the run that `event` has happened."""
+        """Report `event` to the checkers of the run."""
         self._robot_state.tell(event)
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot (`rmr.node.trace`)."""
+        """Record an entry of the trace (`rmr.node.trace`)."""
         self._robot_state.trace(now, what, **fields)
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:

@@ -1,8 +1,8 @@
-"""What a robot notes for whoever watches it, one vocabulary for processes, the simulator and `rmr eval`.
+"""The trace of a robot, with one vocabulary for processes, the simulator and `rmr eval`.
 
-An entry is a dict: `t` (seconds of lab time), `robot`, `what` (a name of `EVENTS`), and what belongs to it. Facts,
-goals and actions stand in program syntax. The host takes the entries away; a robot whose host does not keeps the
-newest alone. A robot that nobody watches notes nothing, and then notes cost nothing.
+An entry is a dict: `t` (seconds of lab time), `robot`, `what` (a name of `EVENTS`), and the fields of that name. Facts,
+goals and actions are in program syntax. The host takes the entries; if it does not, the robot keeps only the newest. A
+robot without a trace records nothing, at no cost.
 """
 
 from enum import IntEnum

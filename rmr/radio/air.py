@@ -1,9 +1,9 @@
 """The interface of a station: announcements of transmissions, receptions, confirmations.
 
-Whoever transmits announces it with its start, end, power and position, 192 us before the first symbol. In virtual time
-`rmr.radio.ether` knows all announcements at once. Between processes there is no medium: announcements cross the bus and
-come late, out of order, twice or not at all, and each receiver works out for itself what it hears, so all that matters
-goes by the time stamps that they carry.
+A sender announces each transmission with its start, end, power and position, 192 us before the first symbol. In
+virtual time `rmr.radio.ether` has all announcements at once. Between processes there is no central medium:
+announcements cross the bus and come late, out of order, twice or not at all. Each receiver computes its own reception
+from their time stamps.
 """
 
 from collections.abc import Sequence

@@ -11,7 +11,7 @@ encrypted payload, integrity code (`rmr.radio.security`). Acknowledgements are n
 Addresses are short ones within a single PAN (PAN id compression), all fields little-endian. The frame check
 sequence is the ITU-T CRC-16 (x^16 + x^12 + x^5 + 1, least significant bit first, start value 0), which finds
 every single and double bit error in frames of this length. Other frame types of the standard (beacons,
-commands, long addresses) are not spoken here: they are refused as a peer's mistake.
+commands, long addresses) are not supported: they are refused as a peer's mistake.
 """
 
 import binascii
@@ -105,7 +105,7 @@ def encode_ack(sequence: int) -> bytes:
 
 
 def decode(psdu: bytes) -> DataFrame | AckFrame:
-    """Return the frame in `psdu`. Raises `FrameError` if it is damaged or of a kind not spoken here."""
+    """Return the frame in `psdu`. Raises `FrameError` if it is damaged or of an unsupported kind."""
     if not ACK_OCTETS <= len(psdu) <= PSDU_MAX:
         raise FrameError(f"{len(psdu)} octets")
     if check_sequence(psdu[:-2]) != psdu[-2] | psdu[-1] << 8:

@@ -1,12 +1,12 @@
 """Effects on a link besides distance: shadowing, losses, bursts, and timed disturbances.
 
-All of it goes by lab time and names alone, never by who asks or when: the state of a link at an instant follows
-from (seed, the two ends, the instant), so every process and the simulator see the same weather.
+The state of a link at an instant is a function of (seed, the two ends, the instant), and of nothing else. So every
+process and the simulator compute the same state.
 
 *Shadowing* takes from or adds to a link a fixed normal number of decibels, the same both ways, within three
 deviations (which bounds how far anybody hears). *Bursts* are the two-state model of Gilbert (1960) and Elliott
 (1963): a link is good for an exponential time, then bad for another, in which frames are lost with a greater
-probability; both ways alike, since who walks through a link stands in the way of its acknowledgements too.
+probability; both ways alike, since an obstacle in a link also blocks its acknowledgements.
 A *disturbance* is a stretch of time in which frames between groups of robots lose power, are lost by chance, or are
 cut off: the lab file's lossy links, partitions and losses, and what `rmr fault` does to a running lab.
 Losses are independent of each other. What applies to a frame is decided at its first symbol.

@@ -5,7 +5,7 @@ known by its source and sequence number (802.15.4-2006, 7.5.6.2 leaves the rule 
 acknowledged, the acknowledgement was lost, and it comes again within the time of four attempts.
 
 A secured frame is judged in the order of the standard: filter, acknowledgement (before this module sees the frame),
-integrity, frame counter. So whoever can transmit can have acknowledgements sent, but nothing that is not authentic
+integrity, frame counter. So an attacker can provoke acknowledgements, but nothing that is not authentic
 gets further, nor leaves a trace in what is remembered. A retransmission repeats its frame counter: it is a duplicate
 if it is the last frame taken from its source, and within the time of a duplicate; anything else is a replay.
 """
@@ -62,13 +62,13 @@ class Counters:
     access_failed: int = 0
     """Requests that found no free channel, no place in the queue or no frame counter."""
     late: int = 0
-    """Announcements heard after their first symbol: the bus took longer than the turnaround of 192 us, or the robot
-    looked later, having had nothing to decide by them."""
+    """Announcements that arrived after their first symbol: the bus took longer than the turnaround of 192 us, or the
+    robot processed them later, since nothing depended on them."""
     blind: int = 0
-    """Frames sent into a channel that was not clear, as a late announcement showed afterwards: what lateness costs."""
+    """Frames sent into a busy channel, as a late announcement showed afterwards: the cost of lateness."""
     overdue: int = 0
-    """Announcements looked at, or made, after their reception could be decided: decided all the same, by their stamps.
-    Where a robot looks when it wakes anyway, most of those for whose answer nobody waits."""
+    """Announcements processed, or made, after their reception could be decided; they are decided by their time stamps
+    all the same. Most belong to frames without acknowledgement: a robot processes those when it wakes anyway."""
 
     def add(self, name: str) -> None:
         """Count one of what counter `name` counts."""

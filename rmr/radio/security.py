@@ -9,7 +9,7 @@ Header, security control and counter are authenticated; the payload is encrypted
 
     extended address of the source 8 | frame counter 4 | level 1        (7.6.3.2, big-endian)
 
-and must never occur twice under one key, or whoever listens learns what two payloads have in common and can forge
+and must never occur twice under one key, else a listener learns what two payloads have in common and can forge
 frames. Three things see to that. Each run has a key of its own, derived from the lab's. Each robot has an extended
 address of its own, derived from PAN and short address: 02 52 4D 52, PAN, address (locally administered, so it cannot
 be a device's). And the counter of a robot that is started again begins above all that it can have used: at its number
@@ -42,7 +42,7 @@ Reason = Literal["forged", "replayed", "unsecured"]
 
 
 class Level(IntEnum):
-    """What is done to a frame (Table 95). Levels without encryption or without integrity are not spoken here."""
+    """Security level (Table 95). Levels without encryption or without integrity are not supported."""
 
     ENC_MIC_32 = 5
     ENC_MIC_64 = 6

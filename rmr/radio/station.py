@@ -1,15 +1,15 @@
 """The radio of one robot: medium access and reception over announced transmissions.
 
-A station knows the air only by what it is told: `hear` is called with each transmission of another station.
-It keeps those that matter (all within `RELEVANCE_DB` of its sensitivity), and at the end of a frame that is
-meant for it decides by `phy.reception` and `phy.draw` whether it has received it. A received unicast is
-acknowledged 192 us after its end without assessing the channel (802.15.4-2006, 7.5.6.4).
+`hear` is called with each transmission of another station. The station keeps those that matter (all within
+`RELEVANCE_DB` of its sensitivity). At the end of a frame for it, `phy.reception` and `phy.draw` decide whether it has
+received it. A received unicast is acknowledged 192 us after its end without channel assessment (802.15.4-2006,
+7.5.6.4).
 
 It is the radio of a robot process. Between processes announcements come some milliseconds late and out of order, so a
 reception is decided `grace` after the frame's end and acknowledged then, still stamped end + 192 us, and the sender
-waits for its acknowledgement twice the grace longer. Everything else goes by the time stamps, so a late announcement
-leads to the same reception as an early one. With grace 0, announcements handed over as they are made, and all stations
-advanced in order of time, nothing comes too late: so run, stations are what `rmr.radio.ether` is held to.
+waits for its acknowledgement twice the grace longer. Everything else is decided by time stamps, so a late announcement
+leads to the same reception as an early one. With grace 0, announcements delivered as they are made, and all stations
+advanced in order of time, nothing is late. Run in this way, stations are the reference for `rmr.radio.ether`.
 """
 
 from bisect import bisect_left, insort

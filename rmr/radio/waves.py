@@ -1,9 +1,9 @@
 """The rules of `rmr.radio.phy` for all receivers of a transmission at once, vectorised with numpy.
 
-`phy` is the specification: it decides one reception at one receiver from all that this one has heard. Here a
-`Wave` carries a transmission's power at every station, and what follows from it is worked out for all of them in a
-few array operations. The receivers that lock on a wave are settled once, at its lock instant, which needs only the
-waves before it; so no history is followed. A property test holds that verdicts and outcomes are those of `phy`.
+`phy` is the specification: it decides one reception at one receiver from all frames that this receiver has heard. Here
+a `Wave` has a transmission's power at every station, and a few array operations decide for all of them. The receivers
+that lock on a wave are determined once, at its lock instant, from the waves before it; so no history is kept. A
+property test compares verdicts and outcomes with those of `phy`.
 
 Arrays have one entry for each station, by its index; `at` picks the stations within reach (an index array, or a
 slice for all). Powers are milliwatts; a station out of reach of a wave hears 0.
@@ -121,7 +121,7 @@ class Wave:
 def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Places) -> Floats | float:
     """Return the greatest sum of the powers of `others` at any time within `begin`..`finish`, at each place.
 
-    Just before somebody begins and just after somebody has ended there is less on the air than beside that.
+    The power on the air is greatest between the last beginning and the first end of frames that overlap.
     """
     if len(others) == 1:
         return others[0].power[at]
@@ -224,7 +224,7 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: NDArray[np.i
 
 
 def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tuple[float, int]:
-    """Return what `verdicts` says of the one station `index`: for where few hear a frame, or it is for one alone."""
+    """Return the verdict of `verdicts` for the station `index` alone: used where few stations hear a frame."""
     if not channel.capture:
         success, cause = verdicts(wave, air, channel, np.array([index], dtype=np.intp))
         return float(success[0]), int(cause[0])

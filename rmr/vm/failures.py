@@ -60,7 +60,7 @@ class Failures:
         self.report(now, rule_place(self._program, rule), reason)
 
     def _make_room(self, known: dict[Key, tuple[Fact, ...]]) -> bool:
-        """Forget failures of which a fact is gone; False if that leaves no room.
+        """Forget failures with a fact that is gone; False if that leaves no room.
 
         A pass takes time in proportion to the failures remembered. After a pass that freed less than half, the next one
         waits for `FAILURES_MAX` failures, so its cost is amortised.

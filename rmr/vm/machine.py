@@ -219,7 +219,7 @@ class Machine(Parts):
 
     @property
     def expression_failures(self) -> int:
-        """Number of failures of expressions (no value), each of which left something out."""
+        """Number of failures of expressions (no value); each suppressed a result."""
         return self._failures.count
 
     @property

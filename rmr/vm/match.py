@@ -204,7 +204,7 @@ class Search:
     def matches(self) -> Iterator[Found]:
         """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
 
-        Both lists are reused: whoever keeps them copies them.
+        Both lists are reused: copy them to keep them.
         """
         return self.extend(0)
 

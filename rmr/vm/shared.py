@@ -18,7 +18,7 @@ ROBOT_NUMBER = "id"
 
 
 Mine = tuple[tuple[int, Assertion], ...]
-"""The time assertions of which a robot may have jobs, with their indices."""
+"""The time assertions that may have jobs on a robot, with their indices."""
 
 
 Effects = tuple[tuple[Effect, TypeChecks], ...]

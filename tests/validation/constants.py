@@ -49,8 +49,8 @@ NOT_MODELLED = {
     "phy.alternate_channel_rejection_db": "there is one channel",
     "mac.MHR_short_inter_pan_bytes": "there is one PAN",
     "mac.MHR_ext_intra_pan_bytes": "addresses are short ones",
-    "mac.aMinMPDUOverhead": "a bound for other frame types than those spoken",
-    "mac.aMaxMACSafePayloadSize": "a bound for other frame types than those spoken",
+    "mac.aMinMPDUOverhead": "a bound for frame types that are not used",
+    "mac.aMaxMACSafePayloadSize": "a bound for frame types that are not used",
 }
 
 Pair = tuple[Value, Value]

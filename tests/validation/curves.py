@@ -2,7 +2,7 @@
 
 ns-3's table of packet errors is computed, so ours has to be the same at each of its points. Its success over
 distance is counted, 2,000 frames a point; it is judged by where the curve crosses 90, 50 and 10 %, and each point
-by whether our probability is one under which ns-3's count is no wonder. Power, ratio and LQI of the rows are
+by whether our probability is one under which ns-3's count is no outlier. Power, ratio and LQI of the rows are
 computed by ns-3, too, and have to agree to the digits that it prints.
 """
 
@@ -102,7 +102,7 @@ def psr_vs_distance() -> Iterator[Check]:
         points = [point(row["d_m"], octets, config) for row in series["rows"]]
         yield from _crossings(name, series["rows"], points)
         yield from _columns(name, series["rows"], points)
-        yield _wonders(name, series["rows"], points)
+        yield _outliers(name, series["rows"], points)
 
 
 def _crossings(name: str, table: Sequence[Data], points: Sequence[Point]) -> Iterator[Check]:
@@ -129,14 +129,14 @@ def _columns(name: str, table: Sequence[Data], points: Sequence[Point]) -> Itera
         yield compared(where, Estimate(ours), Estimate(theirs), tolerance)
 
 
-def _wonders(name: str, table: Sequence[Data], points: Sequence[Point]) -> Check:
-    wonders = [
+def _outliers(name: str, table: Sequence[Data], points: Sequence[Point]) -> Check:
+    outliers = [
         row["d_m"]
         for row, mine in zip(table, points, strict=True)
         if not likely(mine.success, row["success"], row["n"])
     ]
-    where = ("psr_vs_distance", name, f"points of {len(table)} at which ns-3's count would be a wonder")
-    return compared(where, Estimate(float(len(wonders))), Estimate(0.0), 0.0)
+    where = ("psr_vs_distance", name, f"points of {len(table)} at which ns-3's count is an outlier")
+    return compared(where, Estimate(float(len(outliers))), Estimate(0.0), 0.0)
 
 
 def crossing(curve: Curve, level: float) -> float:
@@ -156,7 +156,7 @@ def uncertain(curve: Curve, level: float, n: int = 2000) -> Estimate:
 
 
 def likely(probability: float, share: float, n: int) -> bool:
-    """Whether a count of `share` of `n` is no wonder under `probability`: at least once in 10,000 times as far off."""
+    """Whether a count of `share` of `n` is no outlier under `probability`: at least once in 10,000 times as far off."""
     rare = min(probability, 1.0 - probability)
     count = round(n * (share if rare == probability else 1.0 - share))
     expected = n * rare

@@ -19,9 +19,9 @@ NO_TOLERANCE = "no tolerance is stated"
 
 OVER_CAPACITY = "over capacity: the queue grows with the time that is measured"
 
-NEAR_CAPACITY = "so near capacity that the delay hangs on the last half percent of load that chance offers"
+NEAR_CAPACITY = "near capacity the delay depends on the last half percent of the random load"
 
-FORGOTTEN = "ns-3 forgets an interferer that ends inside the locked frame; judged with that imitated, below"
+FORGOTTEN = "ns-3 forgets an interferer that ends inside the locked frame; judged below with the same fault added"
 """Of hidden stations under saturation, which transmit nearly all the time: most frames that get through at all have
 begun inside another one that they survive the end of."""
 FORGETFUL = (17,)

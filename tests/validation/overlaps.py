@@ -2,7 +2,7 @@
 
 ns-3's counts (400 pairs of frames a point) are set beside our probabilities. The reference states no tolerance for
 them; ours is the distance at which half of the first frames survive, within half a step of its SIR, and that none of
-its counts would be a wonder under our probability.
+its counts are outliers under our probability.
 
 For ``capture_3db`` there is no reference: ns-3 has no such mode. It is held to its own rules, which are those of real
 radios (co-channel rejection of 3 dB, in constants.json with its sources): each row below is a situation of two or
@@ -77,9 +77,13 @@ def capture_overlap() -> Iterator[Check]:
         name = f"second frame {offset:g} us later"
         for index, which in enumerate(("first", "second")):
             counted = [(row[f"{which}_ok"]["k"] / row["n"], row["n"], ours[at][index]) for at, row in enumerate(table)]
-            wonders = sum(not likely(probability, share, n) for share, n, probability in counted)
-            where = ("capture_overlap", name, f"points of {len(table)} at which ns-3's count of {which}_ok is a wonder")
-            yield compared(where, Estimate(float(wonders)), Estimate(0.0), 0.0)
+            outliers = sum(not likely(probability, share, n) for share, n, probability in counted)
+            where = (
+                "capture_overlap",
+                name,
+                f"points of {len(table)} at which ns-3's count of {which}_ok is an outlier",
+            )
+            yield compared(where, Estimate(float(outliers)), Estimate(0.0), 0.0)
         falling = sorted(zip((-row["sir_db"] for row in table), table, ours, strict=True), key=lambda point: point[0])
         mine = crossing([(x, our[0]) for x, _, our in falling], 0.5)
         theirs = crossing([(x, row["first_ok"]["p"]) for x, row, _ in falling], 0.5)

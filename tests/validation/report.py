@@ -173,9 +173,9 @@ def _file(checks: Sequence[Data]) -> list[str]:
     lines = table(header, map(_cells, listed)) if listed else []
     if same:
         quantities = ", ".join(dict.fromkeys(_code(_kind(check["quantity"])) for check in same))
-        lines += ["", f"Besides, {len(same)} checks in which both sides are exactly the same: {quantities}."]
+        lines += ["", f"{len(same)} more checks in which both sides are equal: {quantities}."]
     shown = len(checks) - len(judged)
-    return lines + (["", f"Only shown, in validation.json: {shown}."] if shown else [])
+    return lines + (["", f"Not judged, and only in validation.json: {shown}."] if shown else [])
 
 
 def _kind(quantity: str) -> str:

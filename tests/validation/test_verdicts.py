@@ -53,7 +53,7 @@ def test_a_tally_counts_each_file() -> None:
     assert tally(checks) == [("a", 1, 1, 0), ("b", 0, 0, 1)]
 
 
-def test_a_count_is_a_wonder_when_chance_makes_it_once_in_ten_thousand_times() -> None:
+def test_a_count_is_an_outlier_when_chance_makes_it_once_in_ten_thousand_times() -> None:
     assert curves.likely(0.5, 0.54, 2000)
     assert not curves.likely(0.5, 0.55, 2000)
     assert curves.likely(1e-5, 1 / 2000, 2000)

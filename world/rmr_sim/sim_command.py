@@ -43,7 +43,7 @@ from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
 from rmr_world.run_warnings import run_warnings
 
 FAILURES_MAX = 5
-"""Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
+"""Bound of the failed actions, and violations, that are printed: a program that retries does not fill the screen."""
 
 
 def perform(arguments: argparse.Namespace) -> int:
@@ -167,7 +167,7 @@ def _attempt(write_file: Callable[[], object]) -> list[str]:
 
 
 def _writable(trace: Path) -> bool:
-    """Return whether the trace can be written: that is told before the run, not behind it."""
+    """Return whether the trace can be written: a failure is reported before the run."""
     try:
         write_trace([], trace)
     except OSError as error:
@@ -200,7 +200,7 @@ def _resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> in
 def _sweep(
     arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, rows: Sequence[Row] = ()
 ) -> int:
-    """Many runs, of which those with `rows` are over."""
+    """A sweep; the runs with `rows` are over."""
     loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
     file = Rows(folder, head(arguments, loaded.lab, arguments.seeds), rows)

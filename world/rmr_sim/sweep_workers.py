@@ -100,7 +100,7 @@ def _work(results: Connection, path: Path, options: Options) -> None:
 
 
 def _runner(path: Path, options: Options) -> Callable[[int], Result]:
-    """Return what runs a seed. The files were good when the sweep began; who edits them meanwhile is told."""
+    """Return the runner of a seed. The files were valid when the sweep began; a later mistake in them is reported."""
     try:
         return partial(run_seed, load(path, options))
     except (LabError, ProgramError, OSError) as error:

@@ -34,7 +34,7 @@ class DisturbanceList:
         """Added disturbances that are no longer kept, the first HISTORY_MAX of them."""
         self.touched = False
         """Whether any has ever been added. From then on the list is published again and again, even if empty: a robot
-        that missed the removal of the last one would apply it for ever."""
+        that missed the removal of the last one would apply it without end."""
 
     @property
     def held(self) -> tuple[Disturbance, ...]:

@@ -17,7 +17,7 @@ COUNTED: Final = (
 LISTED: Final = ("assertions", "actions")
 """Fields that are concatenated."""
 FIRST: Final = ("first_failure", "first_undelivered")
-"""Fields of which the first incarnation with a value counts."""
+"""Fields that take the value of the first incarnation that has one."""
 
 
 def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""What a robot's report says of its actions: those started last, how many there were, how many failed, and why first.
+"""The actions in a robot's report: those started last, their number, the failures, and the reason of the first failure.
 
-An action that `stop` or a later one of its name has ended has not failed: it is neither counted nor told.
+An action that was ended by `stop`, or by a later one of its name, has not failed: it is not counted as a failure.
 """
 
 from collections import deque

@@ -174,7 +174,8 @@ def _queue_heading(queue: tuple[Point, ...]) -> float | None:
 async def goto(robot: NodeHandle, x: float, y: float) -> None:
     """Drive to a point of the floor, metres.
 
-    Places of areas are shared out; a point is not, so another robot may stand there for good. Who is near gives up.
+    The places of an area are assigned; a point is not, so another robot may stand there permanently. Then a robot that
+    is near gives up.
     """
     node = robot.node
     goal = Point(x, y)

@@ -17,14 +17,14 @@ UNCONFIRMED_MAX: Final = 256
 """Frames whose outcome the radio still owes; beyond that the oldest are forgotten."""
 
 Transmit = Callable[[bytes, int | None], int]
-"""Hands a payload for a destination (None: everybody) to the radio and returns the radio's handle."""
+"""Hands a payload for a destination (None: broadcast) to the radio and returns the radio's handle."""
 
 
 class CoordLink:
     """Joins one coordination core to the radio."""
 
     def __init__(self, core: Coordination, transmit: Transmit, handle: Callable[[Instant, CoordEvent], None]) -> None:
-        """`handle` is told what the core reports upward."""
+        """`handle` gets the events of the core."""
         self.core = core
         self._transmit = transmit
         self._handle = handle

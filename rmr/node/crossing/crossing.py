@@ -223,7 +223,7 @@ class Crossing:
         return [*given_up, self.hold_line()]
 
     def restart(self, now: Instant, job: TimedJob, goal: Area | None) -> list[Command]:
-        """Take over a job that was started anew before it had ended; whoever is inside goes on."""
+        """Take over a job that was restarted before it had ended; a robot that is inside continues."""
         if isinstance(self.phase, Inside):
             self.job = job
             return []
@@ -232,7 +232,7 @@ class Crossing:
         return self.renew(now, job, goal)
 
     def lead_to(self, now: Instant, goal: Area | None) -> list[Command]:
-        """Take the goal from the action, where the job does not say it: the route may be another than was told."""
+        """Take the goal from the action if the job does not define it: the route may differ from the reported one."""
         if self.goal == goal or isinstance(self.phase, Inside):
             return []
         if not isinstance(self.phase, Preparing):
@@ -361,7 +361,7 @@ class Crossing:
         return self._extend(phase, end) if abs(end - phase.end) > REVISE_FROM else []
 
     def _leaves_entry_unused(self, now: Instant, situation: Situation) -> bool:
-        """Return whether the robot gives its entry back, since somebody is in its way who waits for his own."""
+        """Return whether the robot gives its entry back, since a robot that waits for its own turn is in its way."""
         stands = situation.before_hold_line and now - self.entered_at > POLICIES[Symptom.ENTRY_UNUSED].after
         return not self.plan.within and (situation.retreating or stands)
 

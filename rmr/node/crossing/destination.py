@@ -1,6 +1,6 @@
 """Where a robot is going while its rank, or what others claim, changes.
 
-Another place behind the entrance is taken, and told to the others, at once. Before the entrance the route there is
+Another place behind the entrance is taken, and announced to the others, at once. Before the entrance the route there is
 planned when the slot nears, once a second at most: in a crowd one robot that is late changes the ranks of all behind
 it, and a plan costs milliseconds.
 """

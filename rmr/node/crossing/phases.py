@@ -46,7 +46,7 @@ class Inside:
     """Entry was granted, and the robot is not clear yet."""
 
     end: Instant
-    """By when it will be clear, as the others have been told."""
+    """By when it will be clear, as reported to the others."""
     route: Route | None
     """The route by which the robot entered; None until it has set out."""
 

@@ -74,7 +74,7 @@ def obstructs_exit(arena: Arena, goal: Area, pose: Pose) -> bool:
 
 
 def in_entrance(navigator: Navigator, goal: Area | None, pose: Pose | None, *, gated: bool) -> bool:
-    """Return whether the robot is so near to an entrance, by which nobody comes out, that it keeps others from it."""
+    """Return whether the robot is so near to an entrance by which no robot comes out that it blocks others."""
     route = navigator.route
     near_m = 2.0 * navigator.arena.shape.radius + IN_ENTRANCE_M
     if route is not None:

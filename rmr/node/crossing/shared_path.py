@@ -1,8 +1,8 @@
 """The route that a leader shares with its followers, and the facts that tell who leads (paper IV.C, IV.D.1).
 
 A new leader plans its route and offers the part that all need; robots that hear of it keep it by group and direction.
-The program is told of which assertions the robot leads a group: it may lead one group of an assertion and follow in
-another.
+The program gets a fact for each assertion of which the robot leads a group; the robot may lead one group of an
+assertion and follow in another.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from rmr.node.crossing.crossing import Crossing
 from rmr.node.parts import CrossingHost
 
 GROUPS_KEPT: Final = 32
-"""Groups of which crossings that are over, schedules and paths are kept; the oldest go first."""
+"""Bound of the groups whose finished crossings, schedules and paths are kept; the oldest are dropped first."""
 
 K = TypeVar("K")
 V = TypeVar("V")
 
 
 def keep(table: dict[K, V], key: K, value: V) -> None:
-    """Put the newest value last in `table`, of which the `GROUPS_KEPT` newest stay."""
+    """Put the newest value last in `table`, which keeps the `GROUPS_KEPT` newest."""
     table.pop(key, None)
     table[key] = value
     while len(table) > GROUPS_KEPT:

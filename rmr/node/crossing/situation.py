@@ -62,7 +62,7 @@ class Situation(NamedTuple):
     within: bool = False
     """Whether it finds itself inside the resource."""
     in_entrance: bool = False
-    """Whether it stands in an entrance where nobody gets past it."""
+    """Whether it stands in an entrance where no robot gets past it."""
     # -- inside
     route: Route | None = None
     """The route through the resource by which it has entered."""
@@ -76,7 +76,7 @@ class Situation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Revise:
-    """Tell the leader another release, and what its order goes by if that is given."""
+    """Report another release to the leader, and, if given, the deadline by which it orders."""
 
     release: Instant
     deadline: Instant | None = None
@@ -121,7 +121,7 @@ class ChangeRank:
 
 @dataclass(frozen=True, slots=True)
 class TraceEntry:
-    """Note something for whoever watches the robot."""
+    """Record an entry of the trace."""
 
     what: str
     fields: dict[str, Any]
@@ -136,7 +136,7 @@ class Unforeseen:
 
 
 CoreCommand = JobRequest | Revise | Withdraw | SetReady | InsideUntil | Leave
-"""What the coordination core is told; a JobRequest asks it for a slot."""
+"""Commands to the coordination core; a JobRequest requests a slot."""
 RobotCommand = OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
-"""What concerns the robot alone."""
+"""Commands to the robot itself."""
 Command = CoreCommand | RobotCommand

@@ -33,11 +33,11 @@ ITEMS: Final = frozenset({DeliveryRole.FACT, DeliveryRole.GOAL, DeliveryRole.ACT
 """Roles of what a program derives; the others are news of it."""
 
 Origin = tuple[int, int]
-"""Who waits for an action's end: a robot, and the number by which it knows the action."""
+"""The robot that waits for an action's end, and the number by which it knows the action."""
 
 
 class Deliveries:
-    """What one robot tells others and is told."""
+    """The deliveries of one robot, in both directions."""
 
     def __init__(self, state: RobotState, exchange: Exchange) -> None:
         self._state = state
@@ -106,7 +106,7 @@ class Deliveries:
             self._note(now, news.outcome.value, news.destination, news.delivery)
 
     def _give_up(self, now: Instant, destination: int, delivery: Delivery, why: str) -> None:
-        """Note what cannot be delivered, and let nobody wait for it."""
+        """Record an undeliverable item, and end the wait for it."""
         self.undelivered += 1
         name = self._name(delivery)
         text = self._text(delivery, self._robot, destination)

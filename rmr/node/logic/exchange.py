@@ -7,7 +7,7 @@ a whole. A delivery that outlives its time comes back as `Outcome.UNDELIVERED`: 
 Nothing is handed on twice, however late a copy comes. The receiver keeps a window of sequence numbers for the newest
 epoch of each sender, as IPsec does against replay (RFC 4303, section 3.4.3): what is older than the window is a repeat,
 for the sender began the newer ones only when it was done with it. Frames of an older epoch are late ones of a life that
-has ended: nobody waits for their acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
+has ended: no sender awaits their acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
 serial numbers (RFC 1982): of two the newer is less than half the range ahead. An epoch has 8 bits, so a receiver that
 hears nothing through 128 restarts of a sender takes the next lives for old ones; the sender then reports its deliveries
 as undelivered.
@@ -131,7 +131,7 @@ _STAGES: Final = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: St
 
 
 class DeliveryProgress(NamedTuple):
-    """A delivery has come further, for whoever checks a run."""
+    """A delivery has reached another stage; an event for checkers."""
 
     stage: Stage
     peer: int

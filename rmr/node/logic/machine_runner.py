@@ -143,7 +143,7 @@ class MachineRunner:
                 self._noted(now, event)
 
     def _noted(self, now: Instant, event: VmEvent) -> None:
-        """Note what concerns nobody but whoever watches the robot."""
+        """Record events that only the trace needs."""
         match event:
             case FactInserted(predicate=predicate, args=args):
                 self._state.trace(now, "inserted", fact=fact_text(self._program, predicate, self._robot, args))
@@ -162,17 +162,17 @@ class MachineRunner:
             return
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        # Jobs come first due first: of several that it serves, an action goes by the crossing of the most urgent one.
+        # The jobs are in order of their deadlines: an action that serves several waits for that of the most urgent one.
         permit = self._crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
         self._actions.derive(now, running)
 
-    # -- what becomes of actions ------------------------------------------------------------------------------
+    # -- ends of actions --------------------------------------------------------------------------------------
 
     def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
-        """Let an action's end have its effects, and tell those who wait for it."""
+        """Apply the effects of an action's end, and report it to the robots that wait for it."""
         action = self._program.index(running.name)
         assert action is not None, running.name
         if failure is None:
@@ -192,7 +192,7 @@ class MachineRunner:
     def _handlers_effect(self, now: Instant, running: RunningAction, action: int) -> str | None:
         """Insert the effect that the handler names if the program declares none; return why it does not fit.
 
-        As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
+        As with declared effects, a sensed fact is left to the senses. An unknown effect is ignored.
         """
         program = self._program
         name = running.handler.effect
@@ -207,7 +207,7 @@ class MachineRunner:
         return None
 
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
-        """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
+        """Replace sensed facts by the effects on their predicates: a robot without a body has no sense that would."""
         env: list[Value] = [Robot(self._robot), *args]
         supposed: dict[int, tuple[list[Args], list[Args]]] = {}
         for effect in effects:

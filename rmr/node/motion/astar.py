@@ -172,7 +172,7 @@ def _between(a: Point, b: Point, way: float) -> Point:
 def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) -> Plan | None:
     """Return a way from `start` to `goal` around obstacles and parked robots, or None when there is none."""
     if arena.clearance(*goal) < arena.shape.radius:
-        return None  # nobody can stand there
+        return None  # no robot can stand there
     for margin in (PATH_MARGIN_M, DOOR_MARGIN_M):
         found = _plan(arena, start, goal, parked, margin)
         if found is not None:

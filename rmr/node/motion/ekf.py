@@ -39,7 +39,7 @@ RANGE_SIGMA: Final = 0.007
 GATE: Final = 4.0
 """A reading farther off than this many sigmas is an outlier."""
 REJECTED_MAX: Final = 4
-"""So many outliers of one sensor, less half the good readings between them, mean that the state is wrong."""
+"""Number of outliers of one sensor, less half the good readings between them, that shows that the state is wrong."""
 WIDEN_M: Final = 0.03
 """By how much the position is doubted then: a robot that was pushed."""
 

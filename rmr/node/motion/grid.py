@@ -113,7 +113,7 @@ def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Poi
 
 
 def off_goal(parked: Sequence[Point], goal: Point, radius: float) -> list[Point]:
-    """Return `parked` without the robots that stand so near to `goal` that nobody else can."""
+    """Return `parked` without the robots that stand so near to `goal` that no other one can."""
     return [p for p in parked if distance(*p, *goal) >= 2.0 * radius + TIGHT_MARGIN_M]
 
 
@@ -171,7 +171,7 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 
 def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
     """Return the distance of an obstacle from the segment a-b, at most 0 when they meet."""
-    # Bare numbers: this is what most of a plan's time goes by.
+    # Bare numbers: most of a plan's time is spent here.
     ax = a.x
     ay = a.y
     bx = b.x

@@ -43,7 +43,7 @@ class HazardStage(Enum):
 
 
 class HazardScene:
-    """What the rules go by. One object per robot, written anew each tick."""
+    """The input of the rules. One object per robot, updated each tick."""
 
     __slots__ = (
         "arena",
@@ -72,7 +72,7 @@ class HazardScene:
         self.pose = Pose(0.0, 0.0, 0.0)
         self.sigma_m = 0.0
         self.silence = 0
-        """Why somebody unheard forbids driving on: flags of `hearing`; 0: nobody does."""
+        """The reasons of silence that forbid driving on, flags of `hearing`; 0: none."""
         self.gate = EntryGate(arena.shape, holding=False)
         self.follower: Follower | None = None
         self.right_of_way = 1.0
@@ -135,7 +135,7 @@ class RightOfWay(Hazard):
     """Predicted conflicts with robots that go first."""
 
     def limit(self, around: HazardScene, v: float) -> float:
-        """Return `v`, or the speed that keeps clear of those that go first (worked out when hellos are taken in)."""
+        """Return `v`, or the speed that keeps clear of those that go first (computed when hellos arrive)."""
         return min(v, around.right_of_way * around.arena.shape.speed)
 
 
@@ -148,7 +148,7 @@ class SilenceRule(Hazard):
         self.flag: Final = flag
 
     def limit(self, around: HazardScene, v: float) -> float:
-        """Return 0 if somebody who is not heard may be near, for this rule's reason."""
+        """Return 0 if a robot that is not heard may be near, for this rule's reason."""
         return 0.0 if around.silence & self.flag else v
 
 
@@ -165,7 +165,7 @@ class QueueRule(Hazard):
         if around.silence:  # the queue is not watched meanwhile: patience does not begin
             around.count_silence()
             return v
-        # Where the gate is nearer than a radius nobody has room before it.
+        # If the gate is nearer than a radius, no robot has room before it.
         if (follower.route.gate_m or 0.0) < around.arena.shape.radius or gate.passed or queue.overtakes:
             return v
         opens_at = around.now - 1 if gate.opened else gate.opens_at

@@ -1,4 +1,4 @@
-"""What is heard of the others keeps robots apart where sight, which is narrow, does not.
+"""Hellos of other robots keep robots apart where their narrow field of view does not.
 
 - *Cooperative perception.* Robots report several times a second where they are and how fast they drive. A robot that is
   near, heard and not in view is a body for the speed law all the same, at its reported place and with its reported
@@ -122,11 +122,11 @@ class Hearing:
         self.fresh: list[ReportedState] = []
         """Those near that are not silent."""
         self.order = order_key(0, 0)
-        """What the right of way of this robot goes by."""
+        """The key of this robot's right of way."""
         self.listens = False
-        """Somebody has never been heard who may be anywhere."""
+        """A robot that has never been heard may be anywhere."""
         self.heeds = LISTENS | SILENT | OVERDUE_HELLOS
-        """The reasons that count."""
+        """The reasons in force, as flags."""
         self.hides_remembered = False
         """Whether `around` has left out a robot for one that is no longer in view but remembered."""
         self.stands = True
@@ -184,7 +184,7 @@ class Hearing:
             y = dy * cos - dx * sin
             if x <= beyond_m:
                 continue
-            # Behind: a robot that drives off may have stopped since, and nobody sees it. The nearer place counts.
+            # Behind: a robot that drives away may have stopped since, unseen. The nearer place counts.
             if x < 0.0 and not parked:
                 was_x = other.x - own_x
                 was_y = other.y - own_y
@@ -223,7 +223,7 @@ class Hearing:
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> int:
         """Return why a robot at `pose` that sees the bodies `seen` must not drive on, as flags; 0: it may.
 
-        Somebody has never been heard (LISTENS), or is silent, or overdue, and neither far away nor in view.
+        A robot has never been heard (LISTENS), or is silent, or overdue, and neither far away nor in view.
         """
         if self.listens and self.heeds & LISTENS:
             return LISTENS
@@ -277,7 +277,7 @@ class Hearing:
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
     def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[ReportedState]) -> bool:
-        """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
+        """Return whether each of `near` is a separate body among those seen, for which no other robot accounts."""
         cos = math.cos(pose.theta)
         sin = math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]

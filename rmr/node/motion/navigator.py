@@ -91,7 +91,7 @@ class Navigator:
         shared: GridPath | None = None,
         through_gate: bool = False,
     ) -> bool:
-        """Plan a way to `goal` and begin. Returns False, with status blocked, when there is none yet."""
+        """Plan a route to `goal` and begin. Returns False, with status blocked, if there is none yet."""
         if self._order is None or self.status not in ("moving", "blocked"):
             self._stand_off.reset()  # else it is the same drive by another route, in the same deadlock
         self._clear()
@@ -271,7 +271,7 @@ class Navigator:
         return True
 
     def _come_back(self, now: Instant, pose: Pose) -> None:
-        """Drive to the goal again. Where others bar the way wait, but not for ever: they may yield as well."""
+        """Drive to the goal again. If others block the route, wait for a bounded time: they may yield too."""
         found = self._replan(now, pose, keep=True)
         follower = self._follower
         assert follower is not None

@@ -5,8 +5,8 @@ goal) fill the gap: of two whose paths cross, the one later in the order keeps c
 straight to its goal at full speed, itself along its route, and takes the greatest share of its speed that keeps the two
 apart over the horizon. This only spaces robots out; the rules for bodies come after it and have the last word.
 
-A robot that has not got anywhere for a while (`Standing`) has no right of way, or two robots would wait for each other
-for ever; detours go around it, seen or not.
+A robot that has not made progress for a while (`Standing`) has no right of way, else two robots could wait for each
+other endlessly; detours go around it, seen or not.
 """
 
 import math
@@ -87,7 +87,7 @@ class Standing:
 
 
 def order_key(rank: int, robot: int) -> int:
-    """Return what the right of way goes by, rank before robot in one number: smaller goes first."""
+    """Return the key of the right of way, rank before robot in one number: smaller goes first."""
     return ((rank or 1 << 16) << 16) + robot
 
 

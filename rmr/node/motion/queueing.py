@@ -1,4 +1,4 @@
-"""Waiting behind others in the gate's queue: those that stand before this robot there go first, but not for ever."""
+"""Waiting behind others in the gate's queue: those that stand before this robot there go first, for a bounded time."""
 
 from collections.abc import Sequence
 from typing import Final

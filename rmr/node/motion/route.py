@@ -1,13 +1,13 @@
-"""The way of one robot: the leader's path and the followers' (paper IV.D.1).
+"""The route of one robot: the leader's path and the followers' (paper IV.D.1).
 
-The leader goes S1 -> S1' -> P1' -> T1' -> T1 and shares P1', the part of its path that everybody needs: from
-the bottleneck to where it is wide again (what lies before depends on where the leader comes from). A follower
+The leader goes S1 -> S1' -> P1' -> T1' -> T1 and shares P1', the part of its path that all robots need: from
+the bottleneck to where it is wide again (the part before depends on where the leader comes from). A follower
 k goes S_k -> S1' -> P1' -> T1' -> T_k with straight legs where they are free and its own A* where they are not;
 it joins P1' where it is nearest, so that a robot that waits at the entry never drives back to S1'.
 
 A route is a polyline measured by arc length. Two lengths on it concern the bottleneck: the gate, where it
 passes nearest to the mouth by which it enters, and where the narrow section after it has ended. A bottleneck with
-two mouths is entered by either; who waits before one leaves room for those that come out of it.
+two mouths is entered by either; robots that wait before one leave room for those that come out of it.
 """
 
 import math

@@ -27,7 +27,7 @@ STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
     DangerRule(
         "danger",
         HazardStage.BODY,
-        "somebody ahead",
+        "a body ahead",
         "*stop if dangerous* (paper IV.E): the speed falls with the gap to a body whose closest point of approach is "
         "nearer than two radii and 25 mm",
         "avoid.py",
@@ -35,9 +35,9 @@ STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
     StoppingRule(
         "stopping",
         HazardStage.BODY,
-        "somebody ahead who stops",
-        "*able to stop*: never faster than lets the robot stand before the place where the other would stand if it "
-        "braked now, even if this robot's own process stops in this very moment",
+        "a body ahead that stops",
+        "*able to stop*: the robot can always stop short of the place where the other robot would stand if it braked "
+        "now, even if this robot's own process stops at this moment",
         "stopping.py",
     ),
 )
@@ -48,41 +48,39 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "gate",
         HazardStage.CAP,
         "the bottleneck, before the robot's slot",
-        "the speed with which the robot reaches the commit line as its slot opens; a stop at the hold line while the "
-        "gate is closed",
+        "the robot reaches the commit line as its slot opens, and stops at the hold line while the gate is closed",
         "gate.py",
     ),
     RightOfWay(
         "right_of_way",
         HazardStage.CAP,
         "paths that cross",
-        "the earlier in the order goes first; the later takes the greatest share of its speed that keeps clear",
+        "the earlier in the order goes first; the later takes the largest share of its speed that keeps clear",
         "priority.py",
     ),
     SilenceRule(
         LISTENS,
         "listen",
-        "somebody who has never been heard",
-        "where the radio reaches over the whole floor, a robot that begins, at first or again, stands until each of "
-        "the roster has said where it is, 10 s at most; on a wider floor one that is started again listens for 1.2 s",
+        "a robot that has never been heard",
+        "where the radio reaches over the whole floor, a robot that starts or restarts stands until it has heard a "
+        "position of each robot of the roster, 10 s at most; on a wider floor a restarted robot listens for 1.2 s",
         "hearing.py",
     ),
     SilenceRule(
         SILENT,
         "silence",
         "radio that is cut, a process that is stopped, a robot that has died",
-        "a robot that drives and has not been heard for 1.2 s (2.4 s for one that was parked) is anywhere in a disc "
-        "that grows at full speed; a robot which that disc can reach before it stands, stands until the other is "
-        "heard again",
+        "a driving robot that has not been heard for 1.2 s (2.4 s if it was parked) may be anywhere in a disc that "
+        "grows at full speed; a robot that this disc can reach before it stands, stops until the other is heard again",
         "hearing.py",
     ),
     SilenceRule(
         OVERDUE_HELLOS,
         "overdue",
-        "somebody near who misses a hello or two",
-        "of a robot near by, unseen and not behind, two overdue hellos are a silence (0.6 s if it drives, 1.3 s if it "
-        "is parked); a robot that sets out waits for a single one of a parked robot (0.7 s), which may have set out "
-        "unheard as well",
+        "a near robot that misses a hello or two",
+        "for a near robot that is not in view and not behind, two overdue hellos are a silence (0.6 s if it drives, "
+        "1.3 s if it is parked); a robot that sets out waits for a single one of a parked robot (0.7 s), which may "
+        "have set out unheard",
         "hearing.py",
     ),
     QueueRule(
@@ -103,57 +101,58 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "memory",
         HazardStage.PERCEPTION,
         "a body that has left the narrow view",
-        "it is remembered for 0.8 s where it would be now, or until its robot says where it is; one that crept, where "
-        "it was, too",
+        "it is remembered for 0.8 s, or until its robot reports its position, at its extrapolated place; a slow one "
+        "also at the place where it was seen",
         "body_memory.py",
     ),
     Hazard(
         "cooperation",
         HazardStage.PERCEPTION,
-        "somebody from the side, unseen",
-        "*cooperative perception*: a robot that is near, not in view and heard is a body all the same, at the place "
-        "and with the velocity of its last hello",
+        "a robot that approaches from the side, unseen",
+        "*cooperative perception*: a robot that is near and heard counts as a body although it is not in view, at the "
+        "place and with the velocity of its last hello",
         "hearing.py",
     ),
     Hazard(
         "order",
         HazardStage.PERCEPTION,
         "paths that converge, as before the gate",
-        "the later in the order slows down early for the other, at 2.5 (m/s)/m of gap, the earlier late, at "
-        "6 (m/s)/m, on whichever side it has it; without an order the one that has the other on its right gives way",
+        "the later in the order slows down early for the other, at 2.5 (m/s)/m of gap, the earlier late, at 6 "
+        "(m/s)/m, whichever side the other is on; without an order the robot that has the other on its right gives "
+        "way",
         "avoid.py",
     ),
     *STRAIGHT_ON,
     ArcRule(
         STRAIGHT_ON,
         "arc",
-        "somebody abeam, on the inner side of a turn",
+        "a body abeam, on the inner side of a turn",
         "a robot whose direction changes by more than 0.1 rad while it brakes applies the two rules above a second "
-        "time, in the direction of the chord of the arc on which it would brake, also to robots that it hears up to "
-        "10 cm behind its axle",
+        "time, along the chord of the arc on which it would brake, also to robots that it hears up to 10 cm behind "
+        "its axle",
         "hazards.py",
     ),
     Hazard(
         "reverse_guard",
         HazardStage.WHEELS,
-        "somebody or something behind a robot that backs up",
-        "a reverse manoeuvre stops 3 cm short of a wall and of every body that is known; one behind that drives off "
-        "is taken to be where it was heard last, for it may have stopped since",
+        "a body or a wall behind a robot that reverses",
+        "a reverse manoeuvre stops 3 cm short of a wall and of every known body; one behind that drives away is taken "
+        "to be where it was heard last, since it may have stopped",
         "navigator.py",
     ),
     Hazard(
         "promise",
         HazardStage.WHEELS,
-        "robots that stand in a crowd, of whose hellos some are lost",
-        "a robot that has said that it stays does not move for 3 s, and is not silent meanwhile",
+        "lost hellos of robots that stand in a crowd",
+        "a robot that has promised to stay does not move for 3 s, and does not count as silent meanwhile",
         "driver.py",
     ),
     Hazard(
         "unwatched",
         HazardStage.WHEELS,
-        "a machine that is too slow, on which samples wait to be read",
-        "a robot whose wheels have turned for more than 50 ms since its newest sample goes so much slower that it "
-        "gets no farther than 1 cm unseen, and with a sample of more than 100 ms it stands until a newer one comes",
+        "a host that is too slow, so that samples wait to be read",
+        "a moving robot whose newest sample is more than 50 ms old slows down so that it moves at most 1 cm unseen; "
+        "with a sample older than 100 ms it stands until a newer one comes",
         "driver.py",
     ),
 )

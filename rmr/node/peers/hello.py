@@ -2,9 +2,9 @@
 
 Among few it speaks sooner while it waits for its turn, and for half a second when it begins (`rmr.node.profile`).
 
-Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
+Others plan around parked robots and keep off places that are taken. A robot without a body has no position to report.
 
-In a crowd a robot that will stand for a while says that it stays: whoever drives by need not hear it again so soon.
+In a crowd a robot that will stand for a while promises to stay: robots that drive by need not hear it again so soon.
 """
 
 from random import Random

@@ -27,7 +27,7 @@ AT_LEAVE_M: Final = 0.08
 HEARD: Final[Duration] = seconds(3)
 """Age of a peer's last frame up to which it is a neighbor; hellos come every 0.2 to 1 s."""
 CLAIM_KNOWN: Final[Duration] = seconds(15)
-"""Time for which a silent robot keeps the place that it has claimed; as an obstacle it stays for ever."""
+"""Time for which a silent robot keeps the place that it has claimed; as an obstacle it stays without limit."""
 
 MOVED_M: Final = 0.015
 """Distance between two hellos below which the sender may have stood: positions in hellos are rounded to centimetres."""
@@ -103,11 +103,11 @@ class Peer:
     sets_out: bool = False
     """It is where it was when it said hello before: if it says that it drives, it has only set out."""
     driving: Heard | None = None
-    """What the hello says of one that drives; None of one that does not, or not made out yet."""
+    """The state that a hello reports of a driving robot; None for others, and before it is decoded."""
 
 
 def driving_of(robot: int, hello: Hello, at: Instant) -> Heard | None:
-    """Return what `hello`, heard at `at`, says of `robot` if it drives."""
+    """Return the state of `robot` that `hello`, heard at `at`, reports, if it drives."""
     if hello.parked:
         return None
     goal = None if hello.goal is None else Point(*hello.goal)
@@ -247,7 +247,7 @@ class Peers:
 
 
 def extent(area: Area) -> tuple[float, float, float, float]:
-    """Return x0, y0, x1, y1 of a rectangle beyond which nobody stands in `area`: there most robots are."""
+    """Return x0, y0, x1, y1 of a rectangle; robots beyond it, which are most, do not stand in `area`."""
     if area.box is not None:
         return area.box
     xs = [x for x, _ in area.places]

@@ -40,10 +40,10 @@ class _LastOverheard:
         self._at: Instant = -1
         self._hello: Hello | None = None
         self.driving: Heard | None = None
-        """What the hello says of a robot that drives."""
+        """The state that the hello reports of a driving robot."""
 
     def hello(self, payload: bytes, source: int, at: Instant) -> Hello | None:
-        """Return the hello that `payload` is; None if it is none."""
+        """Return the hello in `payload`; None if it is no hello."""
         if at != self._at or source != self._source or payload != self._payload:
             self._payload = payload
             self._source = source
@@ -198,7 +198,7 @@ class Presence:
         """Let the navigator know where others stand, if that has changed; one without a goal need not."""
         if self._driver is None or self._driver.navigator.goal is None:
             return
-        # The same object until somebody sets out or parks (`Peers.parked`): the comparison costs nothing per hello.
+        # The same object until a robot sets out or parks (`Peers.parked`): the comparison costs nothing per hello.
         parked = self._peers.parked(now)
         if parked is not self._parked:
             self._parked = parked

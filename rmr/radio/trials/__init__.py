@@ -1,9 +1,9 @@
 """Experiments with the radio in virtual time: what a channel carries before anything is deployed on it.
 
 Each experiment is a module with a case (a frozen dataclass that refuses what cannot be run) and a function that runs
-it and returns one row: a dictionary of plain values, fit for JSON. The names of the fields and the forms of the
-values are those of the results that the model is held to, which ns-3 3.44 gave with its lr-wpan model; see
-`rmr.radio.trials.statistics`. Times are in ms unless the name says otherwise.
+it and returns one row: a dictionary of plain values, fit for JSON. Fields and values have the names and forms of the
+reference results, which the lr-wpan model of ns-3 3.44 produced; see `rmr.radio.trials.statistics`. Times are in ms
+unless the name says otherwise.
 
     contention   stations around a silent sink send at random, or as fast as they can
     hidden       two stations send to a third and hear each other, or not
@@ -12,9 +12,8 @@ values are those of the results that the model is held to, which ns-3 3.44 gave 
     latency      one sender alone: how long a frame takes
     link         one frame over a distance: power, noise, chance of arrival
 
-A row averages over replications, each of which is a world of its own: its streams of random numbers are named from
-its seed, and it shares nothing with the others. So it does not matter in which order, or in how many processes,
-they are run (`Runs.over`).
+A row averages over independent replications. Each has random streams that are named from its seed, and shares nothing
+with the others. So the order of the replications and the number of processes do not matter (`Runs.over`).
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -90,7 +90,7 @@ def _sample(case: Latency, config: RadioConfig, seed: int) -> list[Frame]:
 
 
 def _theory() -> str:
-    """Return in words which times access takes, us."""
+    """Return the distribution of the access times as text, us."""
     cca, turnaround, step, first, last = (t // NS_PER_US for t in (CCA, TURNAROUND, BACKOFF_PERIOD, FIRST, LAST))
     values = f"{{{first},{first + step},...,{last}}}"
     return f"{step}*U{{0..{BACKOFFS}}}+{cca}+{turnaround} => {values}, mean {(first + last) // 2}"

@@ -71,7 +71,7 @@ def run(case: LinkTrial, runs: Runs) -> Row:
 
 
 def at_distance(distance_m: float, psdu: int, config: RadioConfig) -> Row:
-    """Return what the model says of a frame of `psdu` octets over `distance_m`."""
+    """Return the model's results for a frame of `psdu` octets over `distance_m`."""
     power_dbm = config.tx_power_dbm - path_loss_db(distance_m, config.exponent)
     snr_db = power_dbm - 10.0 * log10(channel_of(config).noise_mw)
     success = sum(

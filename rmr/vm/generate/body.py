@@ -123,7 +123,7 @@ class Body:
         return None
 
     def take(self, place: int, atom: Atom, fact: str) -> None:
-        """Let `fact`, of which nothing is known but its predicate, be what an atom takes."""
+        """Let an atom take `fact`; nothing but its predicate is known."""
         table = self.tables[atom.predicate]
         step = plan_atom(atom, self._predicates, self.slots.names)
         self._test(step, fact)

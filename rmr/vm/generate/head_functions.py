@@ -1,8 +1,8 @@
-"""What a match derives, worked out when it is found, written as source (paper III.D; specified by `rmr.vm.derive`).
+"""Generated functions that evaluate a head when its match is found (paper III.D; specified by `rmr.vm.derive`).
 
-``derive{rule}`` returns, given a match's facts, what it consumes and the chains that it derives, or None if it does
-not fire. ``value{rule}`` is the same for nobody but the run loop, which consumes what the body takes itself: what it
-returns are calls, or, where a rule derives nothing but facts of one predicate by one comprehension, their arguments.
+``derive{rule}`` takes the facts of a match. It returns the facts that are consumed and the chains that are derived, or
+None if the match does not fire. ``value{rule}`` is the variant for the run loop, which consumes the facts of the body
+itself. It returns calls, or, where a rule derives only facts of one predicate by one comprehension, their arguments.
 """
 
 from collections.abc import Sequence

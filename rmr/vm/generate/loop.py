@@ -151,7 +151,7 @@ class LoopWriter:
             self._fire_in_line(plan)
 
     def _fire_valued(self, plan: RulePlan) -> None:
-        """Write that what was worked out when the match was found (`value`) is consumed and derived."""
+        """Write the consumption and derivation of the results that `value` has computed for the match."""
         build = self._build
         build(Assign("consumed, out", plan.state.valued))
         self._consume(plan, 0)
@@ -221,7 +221,7 @@ class LoopWriter:
         if plan.may_break:
             noted: Block = (stale, Evaluate(f"vm.fired[{r}].fire(({fact},))")) if plan.once else (stale,)
             build(If(f"vm.broken & {plan.bit}", noted))
-        # A rule whose next match must be worked out first is matched again (stale); any other stays satisfied.
+        # If the next match must be searched first, the rule is marked stale; otherwise it stays satisfied.
         gone: Block = (Assign(state.queue, "None"), unsatisfied)
         empty = If("f is None", gone, (stale,) if plan.valued else ())
         rest: Block = (AssignAll((state.match, "f"), "next_of(q)"), empty)

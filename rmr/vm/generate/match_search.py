@@ -131,7 +131,7 @@ class SearchWriter:
             build(self._satisfied)
 
     def _work_out(self, facts: str) -> None:
-        """Write that what the next match derives is worked out; if it has no value the rule is rematched."""
+        """Write the evaluation of the next match's head; if it has no value, the rule is rematched."""
         value = f"{self._functions.value}(vm, now, {facts})"
         self._build(AssignAll((self._state.valued, "v"), value), If("v is None", (self._break_off,)))
 

@@ -77,11 +77,11 @@ class RulePlan:
         """Nothing undoes its matches, and none fails."""
         self._read = {each.predicate for body in bodies(rule) for each in body if isinstance(each, Atom)}
         self.valued = False
-        """What it derives is worked out when the match is found: it may have no value, or hangs on other facts."""
+        """Its head is evaluated when the match is found: it may have no value, or depends on other facts."""
 
     @property
     def is_eager(self) -> bool:
-        """Whether all matches are looked for at once, so that failures show when the specification tells of them."""
+        """Whether all matches are searched at once, so that failures are reported as specified."""
         return self.once and bool(self.failing)
 
     @property
@@ -119,7 +119,7 @@ class RulePlan:
         return list(self.facts.values())
 
     def entry(self) -> str:
-        """What a match is kept as: its facts, the oldest match is the least."""
+        """The representation of a match: the tuple of its facts. The oldest match is the least."""
         return tuple_of(self.names())
 
     def read(self) -> set[int]:
@@ -135,7 +135,7 @@ class RulePlan:
         if len(self.atoms) == 1 and not self.failing:
             return Way.SINGLE
         if any(place < self.atoms[0][0] for place in self.failing):
-            return Way.REMATCH  # it fails though there is no fact
+            return Way.REMATCH  # it may fail before there is any fact
         return Way.JOIN if is_settled(self.rule, tables) else Way.REMATCH
 
 
@@ -193,8 +193,8 @@ def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
 def order_from(plan: RulePlan, seed: int) -> list[Placed]:
     """Return the other conjuncts of a rule in the order in which to join a new fact of the atom at place `seed`.
 
-    Conditions come as early as they can, and of the atoms first those of which most is bound. But nothing that
-    stands in the text behind a conjunct that may have no value comes before it, else a failure could be missed.
+    Conditions come as early as possible, and the atoms with most arguments bound come first. No conjunct moves before
+    one that precedes it in the text and may have no value, else a failure could be missed.
     """
     body = list(enumerate(plan.rule.body))
     bound = slots_of(body[seed][1]) | {0}

@@ -17,7 +17,7 @@ TEXT = " ".join(PAGE.split())
 
 
 def test_every_fault_of_robots_is_explained_and_the_example_is_a_lab_files():
-    named = [codes(row[0])[0] for row in table(PAGE, "fault", "the mind", "the radio", "the body")]
+    named = [codes(row[0])[0] for row in table(PAGE, "fault", "node", "radio", "body")]
     faults = yaml.safe_load(blocks(section(PAGE, "Faults"), "yaml")[0])["faults"]
     specs = [FaultSpec.model_validate(fault) for fault in faults]
     assert [name for name in named if all(getattr(spec, name) is None for spec in specs)] == []
@@ -42,7 +42,7 @@ def test_the_figures_are_those_of_the_code():
 
 
 def test_every_kind_of_fault_at_random_has_a_line():
-    assert len(table(PAGE, "kind", "how often at most", "how long")) == len(chaos.ALONE + chaos.TOGETHER)
+    assert len(table(PAGE, "kind", "greatest number", "length")) == len(chaos.ALONE + chaos.TOGETHER)
 
 
 def test_what_an_event_may_use_is_there():

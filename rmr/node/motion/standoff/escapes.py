@@ -266,48 +266,49 @@ def back_out(robot: int, tries: int) -> Duration:
 ESCAPES: Final[tuple[Escape, ...]] = (
     ClearEntrance(
         "clear_entrance",
-        "a robot has waited for 2 s in an entrance by which others come out; or where it may wait, and right before it "
-        "(7 cm from hull to hull) stands one that has come out and has no room to turn past it",
-        "it drives out of their way, 0.28 m to 0.84 m, for 4 s at most, and comes back",
+        "a robot has waited for 2 s in an entrance by which others come out; or it stands where waiting is allowed, "
+        "and right before it (7 cm from hull to hull) is one that has come out and has no room to turn past it",
+        "it drives out of the way, by 0.28 m to 0.84 m, for 4 s at most, and comes back",
     ),
     OvertakeQueue(
         "overtake_queue",
         "a robot that goes first waits in the queue before this one and does not leave",
-        "4 s after this one's slot has begun: around it",
+        "4 s after the start of its own slot the robot drives around it",
     ),
     Retreat(
         "retreat",
-        "a jam: no escape has led 10 cm away for 8 s, or a robot that has yielded finds no way back for so long; with "
-        "its turn or without, but not within the bottleneck",
-        "it leaves for free floor, 0.28 m at first and up to 0.84 m, in a direction that is drawn from its id and the "
-        "number of tries, to where it is in the way of fewest of the others near it; it comes back after 6 to 12 s, "
-        "drawn alike; stuck again on the way, it takes another one. A turn that it has is given back",
+        "a jam outside of the bottleneck: no escape has led 10 cm away for 8 s, or a robot that has yielded finds no "
+        "route back for so long; with its turn or without",
+        "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
+        "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
+        "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
+        "a turn that it has",
     ),
     BackOut(
         "back_out",
-        "the same, within the bottleneck",
-        "back towards where it came from, for 1.6 to 6.4 s, at every second try by chance",
+        "the same within the bottleneck",
+        "the robot reverses for 1.6 to 6.4 s, with probability 1/2 at each try",
     ),
     YieldEscape(
         "yield",
-        "deadlock: the other stands on the goal, and may want this one's place",
-        "at every second try: a step aside, to the right where there is room, for at most 4 s",
+        "deadlock: the other robot stands on the goal, and may want this one's place",
+        "at every second try the robot steps aside for at most 4 s, to the right where there is room",
     ),
     Detour(
         "detour",
-        "deadlock, and there is a way around",
-        "0.4 s back (0.8 s at every third try), then around where the others are, which are taken to be 5 cm farther "
-        "to the left, so that both pass on the right hand",
+        "deadlock, and there is another route",
+        "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others. They are taken to be "
+        "5 cm farther to the left, so that both pass on the right",
     ),
     GiveWay(
         "give_way",
-        "deadlock, head to head in a bottleneck that is entered from both sides",
-        "robots that entered by the second entrance go back, 0.8 s to 4 s, farther each time; the others stay",
+        "deadlock, head-on in a bottleneck that is entered from both sides",
+        "robots that entered by the second entrance reverse, for 0.8 s to 4 s, farther each time; the others stay",
     ),
     Reverse(
         "reverse",
-        "deadlock, and there is no way around",
-        "0.8 s back, then again",
+        "deadlock, and there is no other route",
+        "the robot reverses for 0.8 s, then tries again",
     ),
 )
 """All escapes, in the order in which they are tried."""
