@@ -16,7 +16,7 @@ from rmr.vm.provenance import FiringCause, FiringRecord
 from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
 from rmr.why.mind_index import MindIndex, PastFact
-from rmr.why.partial_match import PartialMatch, PartialSearch, ConjunctVerdict, bound_by, matched
+from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
 from rmr.why.past import Past
 from rmr.why.question import Question
 from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
