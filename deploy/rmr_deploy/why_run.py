@@ -85,9 +85,13 @@ def _answer(
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
+    if not recording.complete and asked.owner is not None:
+        histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
     if not recording.complete:
-        answer.notes.append(f"the recording is not complete: the run is known until {seconds_text(past.known_until)}")
+        whose = "the run" if asked.owner is None else f"robot {asked.owner}"
+        until = seconds_text(past.known_until)
+        answer.notes.append(f"the recording has not been finished: {whose} is known until {until}")
     if as_json:
         print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
         return ExitCode.OK

@@ -3,7 +3,7 @@
 from rmr.base.time import Instant, in_seconds
 from rmr.bytecode.program import Program
 from rmr.mind.mind_reader import MindLogError
-from rmr.mind.recorded_minds import RecordedMind, minds, program_of
+from rmr.mind.recorded_minds import TOPIC, RecordedMind, minds, program_of
 from rmr.node.trace import TraceLevel
 from rmr.record.recording import Recording
 from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
@@ -54,9 +54,16 @@ class ReplayedHistories:
             raise UnexplainableError("the run cannot be explained: its recording holds no minds of robots")
         self.robots = sorted({*recording.about.roster, *[mind.robot for mind in self._minds]})
         self.known_until: Instant = recording.span[1]
-        """The last instant of the recording."""
+        """The last instant of the recording, or of a robot of it (`end_with`)."""
+        self._recording = recording
         self.problems: list[str] = list(recording.problems)
         self._made: dict[int, list[ReplayedHistory]] = {}
+
+    def end_with(self, robot: int) -> None:
+        """Let the run be known until the last that `robot` has recorded: processes do not write at the same time."""
+        own = [message.at for message in self._recording.messages((TOPIC,)) if message.data.get("robot") == robot]
+        if own:
+            self.known_until = min(self.known_until, own[-1])
 
     def histories(self, robot: int) -> list[ReplayedHistory]:
         """Return the incarnations of `robot`, the oldest first, replayed."""
