@@ -25,6 +25,8 @@ from rmr.why.why_answer import removal
 
 ROBOTS_SHOWN: Final = 3
 """Robots shown of those that could fire a rule for another one: those that came nearest."""
+OTHERS_MAX: Final = 12
+"""Robots among which a missing fact is looked for; each has to be replayed first."""
 NEAR_SHOWN: Final = 3
 """Other facts of the predicate, and other robots, that are shown for a missing fact."""
 
@@ -205,11 +207,12 @@ class UnsatisfiedRules:
         if self._program.predicates[atom.predicate].provided:
             return ""
         holders = []
-        for other in self._past.all_minds(self._now):
-            if other.robot != mind.robot:
+        for robot in self._past.near(OTHERS_MAX):
+            other = self._past.mind_at(robot, self._now)
+            if other is not None and robot != mind.robot:
                 held = other.held(atom.predicate, self._now)
                 if any(bound_by(atom.args, fact.args, env) is not None for fact in held):
-                    holders.append(other.robot)
+                    holders.append(robot)
         if not holders:
             return ""
         robots = ", ".join(f"@{robot}" for robot in holders[:NEAR_SHOWN])
