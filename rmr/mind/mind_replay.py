@@ -23,6 +23,7 @@ from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.node.trace import EVENTS, TraceLevel
 from rmr.vm.engines import Engine
+from rmr.vm.provenance import ProvenanceLog
 
 Witness = Callable[[int, Instant, object], None]
 
@@ -52,13 +53,14 @@ class MindReplay:
         engine: Engine | None = None,
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
+        provenance: ProvenanceLog | None = None,
         since: Instant = 0,
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same. Calls before `since` are carried out, but neither compared nor counted. Raises MindLogError if the log has
-        no beginning.
+        same; with a log of `provenance` it is the interpreter. Calls before `since` are carried out, but neither
+        compared nor counted. Raises MindLogError if the log has no beginning.
         """
         self._since = since
         self._log = iter(log)
@@ -73,7 +75,7 @@ class MindReplay:
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
         self._witness = witness
-        node = self._make_node(program, engine, trace, witness)
+        node = self._make_node(program, engine, trace, witness, provenance)
         self._recorded = node
         self._own_log = self._feed.log = node.log
         self.node: Final[Node] = node
@@ -97,12 +99,18 @@ class MindReplay:
         self._open(first)
 
     def _make_node(
-        self, program: Program, engine: Engine | None, trace: TraceLevel, witness: Witness | None
+        self,
+        program: Program,
+        engine: Engine | None,
+        trace: TraceLevel,
+        witness: Witness | None,
+        provenance: ProvenanceLog | None,
     ) -> RecordedNode:
         header = self.header
         feed = self._feed
         told = self._told if header.witnessed else witness
         config = replace(header.config, trace=trace, witness=told, engine=engine or header.config.engine)
+        config = replace(config, provenance=provenance)
         ports = Ports(
             feed,
             feed if header.bodily else None,
