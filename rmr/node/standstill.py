@@ -1,4 +1,4 @@
-"""What one robot's wheels do in a tick, and for whom they stand: for whoever explains a run, never for the robot itself.
+"""What a robot's wheels do in a tick, and for whom they stand: for whoever explains a run, never for the robot itself.
 
 A robot counts as kept standing in the sense of the deadlock detector: it gets no more than a quarter of its full speed.
 """
@@ -41,8 +41,11 @@ class MotionState(NamedTuple):
 
 def motion_state(
     now: Instant, driver: Driver | None, peers: Peers, robot: int, roster: Collection[int], drives: bool
-) -> MotionState:
-    """Return what the wheels of `robot` have done in the call of `now`; `drives`: an action has them."""
+) -> MotionState | None:
+    """Return what the wheels of `robot` have done in the call of `now`; `drives`: an action has them.
+
+    None: the call has come between two frames, in which the wheels are not looked at.
+    """
     if driver is None or not drives:
         return MotionState(Motion.IDLE)
     if driver.localiser.pose is None:
@@ -52,6 +55,8 @@ def motion_state(
         return MotionState(Motion.STANDS, barred(navigator, neighbourhood(now, peers, robot, roster)))
     if navigator.status != "moving":
         return MotionState(Motion.IDLE)
+    if not driver.held_by and navigator.control.scene.now != now:
+        return None
     if driver.held_by:
         unwatched = driver.held_by == "unwatched"
         return MotionState(Motion.UNWATCHED if unwatched else Motion.STANDS, Hindrance(driver.held_by))

@@ -1,0 +1,67 @@
+"""Owners of time: what a job has waited for. Each interval of an explained delay has exactly one."""
+
+from enum import Enum
+from typing import NamedTuple
+
+from rmr.base.time import Duration, Instant
+
+
+class Owner(Enum):
+    """What owns an interval. The values are the words of text and JSON."""
+
+    RULE = "rule"
+    TURN = "turn"
+    DRIVE = "drive"
+    STANDING = "standing"
+    QUEUE = "queue"
+    ACTION = "action"
+    LOCALISATION = "localisation"
+    OUTSIDE = "outside"
+    RADIO_QUEUE = "radio queue"
+    CHANNEL_ACCESS = "channel access"
+    REPEATS = "repeats"
+    LATE_TICK = "late tick"
+    DEAD = "dead"
+    UNKNOWN = "unknown"
+
+
+MEANINGS: dict[Owner, str] = {
+    Owner.RULE: "until a rule fired; nothing that serves the job was under way",
+    Owner.TURN: "the robot waited for its turn of a shared resource, or drove slowly so as not to be there before its "
+    "slot; one interval for each robot ahead, in the order in which they go",
+    Owner.DRIVE: "the robot drove, or turned in place, unhindered",
+    Owner.STANDING: "a hazard rule kept the robot standing, or an escape manoeuvre led it elsewhere; names rule and "
+    "robot or obstacle in the way",
+    Owner.QUEUE: "the robot lined up: its wheels were still on the way to a place in the queue, or robots before it in "
+    "the queue had not left",
+    Owner.ACTION: "an action that is no drive was under way, or had the wheels",
+    Owner.LOCALISATION: "the robot did not know where it was",
+    Owner.OUTSIDE: "a fact that no rule derives had not come: from a sensor, from the robot's view of others, or from "
+    "somebody outside",
+    Owner.RADIO_QUEUE: "a delivery waited behind other frames of its sender",
+    Owner.CHANNEL_ACCESS: "back-off, carrier sensing and first transmission of a delivery",
+    Owner.REPEATS: "retransmissions of a delivery, by the medium access or by the exchange of facts",
+    Owner.LATE_TICK: "the host called the robot more than one frame (1/60 s) after it was due, or its samples were old",
+    Owner.DEAD: "the robot's process was dead, from its end to its restart",
+    Owner.UNKNOWN: "none of these: a defect of the analysis; please report it with the recording",
+}
+"""What each owner means; docs/why-late.md shows the table."""
+
+
+class Interval(NamedTuple):
+    """A part of a job's time, with the one owner that the job waited for."""
+
+    begin: Instant
+    end: Instant
+    owner: Owner
+    robot: int
+    """Whose time it is."""
+    whom: tuple[int, ...] = ()
+    """The other robots that are the reason: those ahead, those stood for, the other end of a delivery."""
+    detail: str = ""
+    """Rule, action, place or delivery, in words."""
+
+    @property
+    def duration(self) -> Duration:
+        """Nanoseconds."""
+        return self.end - self.begin
