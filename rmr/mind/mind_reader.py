@@ -1,6 +1,5 @@
 """Reads the log of one mind: batches into calls, each with its inputs and outputs as values."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from struct import Struct
 from typing import Any, Final, NamedTuple
@@ -195,12 +194,3 @@ class _Cursor:
         heard = tuple([self._unpack(form.RANGE) for _ in range(ranges)])
         seen = tuple([SeenBody(*self._unpack(form.BODY)) for _ in range(bodies)])
         return Sensed(self._now + stamp, left_m, right_m, gyro, compass, heard, seen, bool(bumped), TRUTH)
-
-
-def batches(log: Iterator[bytes]) -> Iterator[Batch]:
-    """Yield the batches of `log`. Raises MindLogError where one is damaged or missing."""
-    for expected, data in enumerate(log):
-        batch = read_batch(data)
-        if batch.number != expected:
-            raise MindLogError(f"batches {expected} to {batch.number - 1} of the log are missing")
-        yield batch

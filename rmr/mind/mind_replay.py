@@ -5,15 +5,16 @@ recorded log, octet for octet. Its ports give it what the log holds: the inputs 
 other. So the first operation that differs is named with both values.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.mind_header import MindHeader, decode_header
-from rmr.mind.mind_reader import MindCall, MindLogError, Operation, batches, operations_of
+from rmr.mind.mind_reader import Batch, MindCall, MindLogError, Operation, operations_of, read_batch
 from rmr.mind.recorded_node import RecordedNode
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.mind.replayed_actions import replayed_handlers
@@ -53,18 +54,23 @@ class MindReplay:
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
-        `engine` is that of the recording unless another is given; all do the same. Raises MindLogError if the log has
-        no beginning.
+        More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
+        same. Raises MindLogError if the log has no beginning.
         """
-        self._batches = batches(iter(log))
-        first = next(self._batches, None)
+        self._log = iter(log)
+        self._fed: deque[bytes] = deque()
+        self._number = 0
+        """Number of the next batch."""
+        first = self._next_batch()
         if first is None or not first.header:
-            raise MindLogError("the log has no header: its beginning is missing")
+            raise MindLogError("its beginning is missing")
         self.header: Final[MindHeader] = _header(first.header)
         self.robot: Final = self.header.config.robot
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
-        self.node: Final[Node] = self._make_node(program, engine, trace, witness)
+        node = self._make_node(program, engine, trace, witness)
+        self._own_log = node.log
+        self.node: Final[Node] = node
         self.now: Instant = 0
         """Instant of the last call."""
         self.began: Instant | None = None
@@ -100,25 +106,34 @@ class MindReplay:
             config, program, ports, replayed_handlers(header.actions, feed), header.program, None, noted
         )
 
-    def _open(self, batch: Any) -> None:
+    def feed(self, batch: bytes) -> None:
+        """Add the next batch of the log."""
+        self._fed.append(batch)
+
+    def _next_batch(self) -> Batch | None:
+        """Return the next batch; None if there is none yet. Raises MindLogError for one that is damaged or missing."""
+        data = self._fed.popleft() if self._fed else next(self._log, None)
+        if data is None:
+            return None
+        batch = read_batch(data)
+        if batch.number != self._number:
+            raise MindLogError(f"batches {self._number} to {batch.number - 1} of the log are missing")
+        self._number += 1
+        return batch
+
+    def _open(self, batch: Batch) -> None:
         self._calls = batch.calls
         self._place = 0
-        self._log.base = batch.base
+        self._own_log.base = batch.base
         self.ended = self.ended or batch.ended
         if batch.not_delivered is not None:
             self.not_delivered = batch.not_delivered
 
     @property
-    def _log(self) -> Any:
-        node = self.node
-        assert isinstance(node, RecordedNode)
-        return node.log
-
-    @property
     def next_call(self) -> Instant | None:
-        """The instant of the next call; None if the log has no more. Raises MindLogError where it is damaged."""
+        """The instant of the next call; None if the log has no more, yet. Raises MindLogError where it is damaged."""
         while self._place >= len(self._calls):
-            batch = next(self._batches, None)
+            batch = self._next_batch()
             if batch is None:
                 return None
             self._open(batch)
@@ -130,13 +145,13 @@ class MindReplay:
             return False
         call = self._calls[self._place]
         self._place += 1
-        base = self._log.base
+        base = self._own_log.base
         self.now = call.at
         if self.began is None:
             self.began = call.at
         self._carry_out(call)
         self._count(call)
-        octets = self._log.take()
+        octets = self._own_log.take()
         if octets != call.octets and self.difference is None:
             self.difference = compared(call, operations_of(octets, base))
         return True
