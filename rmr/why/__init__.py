@@ -1,1 +1,1 @@
-"""Why: provenance of facts, explanations of what is missing, and what the time of a missed deadline went into."""
+"""Why: where a fact comes from, and why it does not hold (provenance, from the recorded minds of robots)."""
