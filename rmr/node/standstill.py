@@ -40,13 +40,18 @@ class MotionState(NamedTuple):
 
 
 def motion_state(
-    now: Instant, driver: Driver | None, peers: Peers, robot: int, roster: Collection[int], drives: bool
+    now: Instant,
+    driver: Driver | None,
+    peers: Peers,
+    robot: int,
+    roster: Collection[int],
+    drives_since: Instant | None,
 ) -> MotionState | None:
-    """Return what the wheels of `robot` have done in the call of `now`; `drives`: an action has them.
+    """Return what the wheels of `robot` have done in the call of `now`; an action has had them `drives_since`.
 
-    None: the call has come between two frames, in which the wheels are not looked at.
+    None: the call has come between two frames, or the action has begun in it: its wheels have not been looked at yet.
     """
-    if driver is None or not drives:
+    if driver is None or drives_since is None:
         return MotionState(Motion.IDLE)
     if driver.localiser.pose is None:
         return MotionState(Motion.LOCATES)
@@ -55,7 +60,7 @@ def motion_state(
         return MotionState(Motion.STANDS, barred(navigator, neighbourhood(now, peers, robot, roster)))
     if navigator.status != "moving":
         return MotionState(Motion.IDLE)
-    if not driver.held_by and navigator.control.scene.now != now:
+    if drives_since == now or (not driver.held_by and navigator.control.scene.now != now):
         return None
     if driver.held_by:
         unwatched = driver.held_by == "unwatched"

@@ -4,7 +4,7 @@ The critical path is followed backwards from the end of the job: from the finish
 action's end over its run and its wait for a turn to the firing that derived it, from a firing to the newest fact that
 its rule needed, from a delivery over the radio to the firing of its sender. A cursor goes from the end to the start;
 each step gives the time that it passes over to one owner. So the intervals have neither gap nor overlap, and their sum
-is the job's time, to the nanosecond. What no step accounts for would be left to `Owner.UNKNOWN`.
+is the job's time, to the nanosecond. What no step accounts for would be left to `TimeOwner.UNKNOWN`.
 
 A job that never finished is followed from its deadline on: from the action under way for it then, else from what was
 on its way to the robot, else from what happened to it last.
@@ -14,20 +14,19 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from rmr.base.time import NEVER, Instant
-from rmr.bytecode.heads import bodies
 from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
-from rmr.why.delay_owner import Interval, Owner
+from rmr.why.delay_owner import Interval, TimeOwner
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
     ActionSpan,
-    Cause,
     CauseKind,
     Change,
     DeliveryKey,
-    Firing,
+    EventCause,
     RobotHistory,
+    TimedFiring,
     overlaps,
 )
 from rmr.why.turn_order import waits_behind
@@ -40,13 +39,13 @@ LINE_UP = "lineup"
 Step = Callable[[], "Step | None"]
 """One step back; returns the next one, or None where the path has no more."""
 
-OWNER_OF: Mapping[Motion, Owner] = {
-    Motion.IDLE: Owner.ACTION,
-    Motion.LOCATES: Owner.LOCALISATION,
-    Motion.DRIVES: Owner.DRIVE,
-    Motion.GATED: Owner.TURN,
-    Motion.STANDS: Owner.STANDING,
-    Motion.UNWATCHED: Owner.LATE_TICK,
+OWNER_OF: Mapping[Motion, TimeOwner] = {
+    Motion.IDLE: TimeOwner.ACTION,
+    Motion.LOCATES: TimeOwner.LOCALISATION,
+    Motion.DRIVES: TimeOwner.DRIVE,
+    Motion.GATED: TimeOwner.TURN,
+    Motion.STANDS: TimeOwner.STANDING,
+    Motion.UNWATCHED: TimeOwner.LATE_TICK,
 }
 """Who owns the time of a drive, by what the wheels do."""
 
@@ -120,20 +119,22 @@ class CriticalPath:
             if step is None or self._cursor <= self._begin:
                 break
             step = step()
-        self._cover(self._begin, Owner.UNKNOWN, 0)
+        self._cover(self._begin, TimeOwner.UNKNOWN, 0)
 
     # -- giving time to owners ------------------------------------------------------------------------------
 
-    def _cover(self, since: Instant, owner: Owner, robot: int, whom: tuple[int, ...] = (), detail: str = "") -> None:
+    def _cover(
+        self, since: Instant, owner: TimeOwner, robot: int, whom: tuple[int, ...] = (), detail: str = ""
+    ) -> None:
         """Give the time from `since` to the cursor to `owner`, but that in which the robot was dead or called late."""
         since = max(since, self._begin)
         if since >= self._cursor:
             return
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
-        if history is not None and owner is not Owner.UNKNOWN:
-            parts = _without(parts, history.late, Owner.LATE_TICK, robot)
-            parts = _without(parts, _deaths(history), Owner.DEAD, robot)
+        if history is not None and owner is not TimeOwner.UNKNOWN:
+            parts = _without(parts, history.late, TimeOwner.LATE_TICK, robot)
+            parts = _without(parts, _deaths(history), TimeOwner.DEAD, robot)
         self._found.extend(reversed(parts))
         self._cursor = since
 
@@ -143,7 +144,7 @@ class CriticalPath:
         if since >= self._cursor:
             return
         for wait in reversed(waits_behind(self._histories, robot, group, since, self._cursor)):
-            self._cover(wait.begin, Owner.TURN, robot, wait.whom, wait.detail)
+            self._cover(wait.begin, TimeOwner.TURN, robot, wait.whom, wait.detail)
 
     def _cover_drive(self, since: Instant, robot: int, span: ActionSpan) -> None:
         """Give the time of a drive to what the wheels did."""
@@ -156,12 +157,14 @@ class CriticalPath:
         if state.motion is Motion.GATED:
             self._cover_turn(begin, robot, span.gated_by)
         elif state.motion is Motion.STANDS and why.rule == "queue":
-            self._cover(begin, Owner.QUEUE, robot, why.robots, f"{why.rule}: {span.text}")
+            self._cover(begin, TimeOwner.QUEUE, robot, why.robots, f"{why.rule}: {span.text}")
         elif state.motion is Motion.STANDS:
             detail = f"{why.rule}: {why.place}" if why.place else why.rule
-            self._cover(begin, Owner.STANDING, robot, why.robots, detail)
+            self._cover(begin, TimeOwner.STANDING, robot, why.robots, detail)
         else:
-            owner = Owner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
+            owner = (
+                TimeOwner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
+            )
             self._cover(begin, owner, robot, (), span.text)
 
     # -- the steps --------------------------------------------------------------------------------------------
@@ -188,13 +191,13 @@ class CriticalPath:
 
     def _change(self, robot: int, change: Change) -> Step | None:
         """From a fact to what inserted it."""
-        self._cover(change.at, Owner.RULE, robot, (), f"after {change.text}")
+        self._cover(change.at, TimeOwner.RULE, robot, (), f"after {change.text}")
         cause = change.cause
         if cause.kind == CauseKind.SENSED:
             return self._sensed(robot, change)
         return self._because(robot, cause, change.text)
 
-    def _because(self, robot: int, cause: Cause, what: str) -> Step | None:
+    def _because(self, robot: int, cause: EventCause, what: str) -> Step | None:
         history = self._histories[robot]
         if cause.kind == CauseKind.FIRING:
             return lambda: self._firing(robot, history.firings[cause.number])
@@ -204,14 +207,23 @@ class CriticalPath:
             key = cause.key
             return lambda: self._delivery(robot, key)
         if cause.kind == CauseKind.MISSED:
-            self._cover(self._begin, Owner.RULE, robot, (), f"until a deadline had passed, for {what}")
+            self._cover(self._begin, TimeOwner.RULE, robot, (), f"until a deadline had passed, for {what}")
             return None
         if cause.number >= 0:
             return lambda: self._change(robot, history.changes[cause.number])
         return self._outside(robot, what)
 
     def _outside(self, robot: int, what: str, whom: tuple[int, ...] = ()) -> Step | None:
-        self._cover(self._begin, Owner.OUTSIDE, robot, whom, f"until {what} came")
+        """Nobody has derived it: from the beginning of the process's life on; before that, what its last life did."""
+        history = self._histories[robot]
+        lives = [number for number, (begin, _) in enumerate(history.lives) if number and begin <= self._cursor]
+        if lives and history.lives[lives[-1]][0] > self._begin:
+            born = history.lives[lives[-1]][0]
+            died = history.lives[lives[-1] - 1][1]
+            self._cover(born, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
+            self._cover(died, TimeOwner.DEAD, robot)
+            return lambda: self._stuck(robot)
+        self._cover(self._begin, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
         return None
 
     def _sensed(self, robot: int, change: Change) -> Step | None:
@@ -226,36 +238,38 @@ class CriticalPath:
                 return lambda: self._action(robot, span)
         return self._outside(robot, change.text)
 
-    def _firing(self, robot: int, firing: Firing) -> Step | None:
+    def _firing(self, robot: int, firing: TimedFiring) -> Step | None:
         """From a firing to the newest fact that its rule needed."""
-        self._cover(firing.at, Owner.RULE, robot, (), f"after the rule at {firing.text}")
+        self._cover(firing.at, TimeOwner.RULE, robot, (), f"after the rule at {firing.text}")
         premise = self._newest_premise(self._histories[robot], firing)
         if premise is None:
-            self._cover(self._begin, Owner.RULE, robot, (), f"until the rule at {firing.text} fired")
+            self._cover(self._begin, TimeOwner.RULE, robot, (), f"until the rule at {firing.text} fired")
             return None
-        self._cover(premise.at, Owner.RULE, robot, (), f"until the rule at {firing.text} fired, after {premise.text}")
+        self._cover(
+            premise.at, TimeOwner.RULE, robot, (), f"until the rule at {firing.text} fired, after {premise.text}"
+        )
         return lambda: self._change(robot, premise)
 
-    def _newest_premise(self, history: RobotHistory, firing: Firing) -> Change | None:
-        atoms = [each for body in bodies(self._program.rules[firing.rule]) for each in body if isinstance(each, Atom)]
-        came = frozenset(atom.predicate for atom in atoms if atom.mode is not Mode.ABSENT)
-        gone = frozenset(atom.predicate for atom in atoms if atom.mode is Mode.ABSENT)
-        return history.newest(
-            firing.at, firing.order, lambda change: change.predicate in (came if change.came else gone)
-        )
+    def _newest_premise(self, history: RobotHistory, firing: TimedFiring) -> Change | None:
+        """Return the newest fact that the rule has matched, or the newest removal of one that must not hold."""
+        matched = [history.changes[index] for index in firing.premises]
+        body = self._program.rules[firing.rule].body
+        absent = frozenset(each.predicate for each in body if isinstance(each, Atom) and each.mode is Mode.ABSENT)
+        gone = history.newest(firing.at, firing.order, lambda c: not c.came and c.predicate in absent)
+        return max([*matched, *([] if gone is None else [gone])], key=lambda c: (c.at, c.order), default=None)
 
     def _action(self, robot: int, span: ActionSpan) -> Step | None:
         """From an action's end over its run and its waits to what derived it."""
         if span.started is not None:
             if span.wheels:
                 self._cover_drive(span.started, robot, span)
-            self._cover(span.started, Owner.ACTION, robot, (), span.text)
+            self._cover(span.started, TimeOwner.ACTION, robot, (), span.text)
         for since, what in reversed(span.waits):
             if what == "held":
                 self._cover_turn(since, robot, span.gated_by)
             else:
                 self._wheels_taken(since, robot, span)
-        self._cover(span.derived, Owner.ACTION, robot, (), span.text)
+        self._cover(span.derived, TimeOwner.ACTION, robot, (), span.text)
         return self._because(robot, span.cause, span.text)
 
     def _wheels_taken(self, since: Instant, robot: int, span: ActionSpan) -> None:
@@ -264,7 +278,7 @@ class CriticalPath:
             started = other.started
             if other is not span and other.wheels and started is not None and started < self._cursor <= other.ended:
                 self._cover_drive(max(since, started), robot, other)
-        self._cover(since, Owner.ACTION, robot, (), f"{span.text} waited for the wheels")
+        self._cover(since, TimeOwner.ACTION, robot, (), f"{span.text} waited for the wheels")
 
     def _delivery(self, robot: int, key: DeliveryKey) -> Step | None:
         """From the arrival of a delivery over the radio to what its sender did."""
@@ -273,11 +287,11 @@ class CriticalPath:
         span = None if history is None else history.sent.get(key)
         arrival = self._histories[robot].received.get(key)
         if arrival is not None:
-            self._cover(arrival[0], Owner.RULE, robot, (), "after a delivery")
+            self._cover(arrival[0], TimeOwner.RULE, robot, (), "after a delivery")
         if span is None:
             return self._outside(robot, f"what robot {source} had sent", (source,))
         for part in reversed(radio_time(span, self._cursor, self._attempts)):
-            who = robot if part.owner is Owner.LATE_TICK else source
+            who = robot if part.owner is TimeOwner.LATE_TICK else source
             self._cover(part.begin, part.owner, who, (robot + source - who,), span.text)
         return self._because(source, span.cause, span.text)
 
@@ -335,13 +349,13 @@ class CriticalPath:
         fired = [firing for firing in history.firings if firing.at <= at]
         if newest is not None and (not fired or newest.ended >= fired[-1].at):
             end = "had ended" if newest.failure is None else f"had failed: {newest.failure}"
-            self._cover(newest.ended, Owner.RULE, robot, (), f"no rule fired after {newest.text} {end}")
+            self._cover(newest.ended, TimeOwner.RULE, robot, (), f"no rule fired after {newest.text} {end}")
             return lambda: self._action(robot, newest)
         if fired:
             firing = fired[-1]
-            self._cover(firing.at, Owner.RULE, robot, (), f"no rule fired after the one at {firing.text}")
+            self._cover(firing.at, TimeOwner.RULE, robot, (), f"no rule fired after the one at {firing.text}")
             return lambda: self._firing(robot, firing)
-        self._cover(self._begin, Owner.RULE, robot, (), "no rule fired")
+        self._cover(self._begin, TimeOwner.RULE, robot, (), "no rule fired")
         return None
 
 
@@ -358,7 +372,9 @@ def _deaths(history: RobotHistory) -> list[tuple[Instant, Instant]]:
     return [(end, begin) for (_, end), begin in zip(lives, [*begins, NEVER], strict=True) if end < begin]
 
 
-def _without(parts: list[Interval], spans: list[tuple[Instant, Instant]], owner: Owner, robot: int) -> list[Interval]:
+def _without(
+    parts: list[Interval], spans: list[tuple[Instant, Instant]], owner: TimeOwner, robot: int
+) -> list[Interval]:
     """Return `parts` with the time of `spans` given to `owner`."""
     result: list[Interval] = []
     for part in parts:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rmr.base.time import Instant
-from rmr.why.delay_owner import Owner
+from rmr.why.delay_owner import TimeOwner
 from rmr.why.robot_history import DeliverySpan
 
 
@@ -27,13 +27,13 @@ class RadioPart(NamedTuple):
     """A part of a delivery's time."""
 
     begin: Instant
-    owner: Owner
+    owner: TimeOwner
 
 
 def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[RadioPart]:
     """Return the parts of a delivery that arrived, or was still under way, at `end`: from when on each owner has it."""
     handed = [at for at, _ in span.transmissions if at < end]
-    parts = [RadioPart(span.begun, Owner.RADIO_QUEUE)]
+    parts = [RadioPart(span.begun, TimeOwner.RADIO_QUEUE)]
     if not handed:
         return parts
     tries = sorted(
@@ -43,16 +43,18 @@ def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[Rad
         if at <= attempt.start and attempt.end <= end
     )
     if not tries:
-        parts.append(RadioPart(handed[0], Owner.CHANNEL_ACCESS))
+        parts.append(RadioPart(handed[0], TimeOwner.CHANNEL_ACCESS))
         if len(handed) > 1:
-            parts.append(RadioPart(handed[1], Owner.REPEATS))
+            parts.append(RadioPart(handed[1], TimeOwner.REPEATS))
         return parts
     parts.append(
-        RadioPart(max(handed[0], _idle_from(span.key[0], tries[0].start, handed[0], attempts)), Owner.CHANNEL_ACCESS)
+        RadioPart(
+            max(handed[0], _idle_from(span.key[0], tries[0].start, handed[0], attempts)), TimeOwner.CHANNEL_ACCESS
+        )
     )
     if len(tries) > 1:
-        parts.append(RadioPart(tries[0].end, Owner.REPEATS))
-    parts.append(RadioPart(tries[-1].end, Owner.LATE_TICK))
+        parts.append(RadioPart(tries[0].end, TimeOwner.REPEATS))
+    parts.append(RadioPart(tries[-1].end, TimeOwner.LATE_TICK))
     return parts
 
 

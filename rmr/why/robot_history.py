@@ -33,7 +33,7 @@ class CauseKind:
     """A missed deadline."""
 
 
-class Cause(NamedTuple):
+class EventCause(NamedTuple):
     """What made something happen."""
 
     kind: str
@@ -43,7 +43,7 @@ class Cause(NamedTuple):
 
 
 @dataclass(slots=True)
-class Firing:
+class TimedFiring:
     """A rule was applied."""
 
     at: Instant
@@ -51,6 +51,8 @@ class Firing:
     rule: int
     text: str
     """Its place in the source."""
+    premises: tuple[int, ...] = ()
+    """The facts that its rule matched, by index among the changes."""
 
 
 class Change(NamedTuple):
@@ -61,7 +63,7 @@ class Change(NamedTuple):
     predicate: int
     args: Args
     came: bool
-    cause: Cause
+    cause: EventCause
     text: str
 
 
@@ -73,7 +75,7 @@ class ActionSpan:
     text: str
     derived: Instant
     order: int
-    cause: Cause
+    cause: EventCause
     wheels: bool
     gated_by: str | None = None
     """The group for whose turn it waited, in words; None: it needed none."""
@@ -91,14 +93,14 @@ class DeliverySpan:
     key: DeliveryKey
     begun: Instant
     order: int
-    cause: Cause
+    cause: EventCause
     text: str = ""
     transmissions: list[tuple[Instant, int]] = field(default_factory=list)
     """When it was handed to the radio, each time, and the radio's handle of that."""
     given_up: Instant | None = None
 
 
-class Passage(NamedTuple):
+class PassageSpan(NamedTuple):
     """The robot used a shared resource."""
 
     group: str
@@ -106,7 +108,7 @@ class Passage(NamedTuple):
     left: Instant
 
 
-class Order(NamedTuple):
+class KnownOrder(NamedTuple):
     """A schedule became known to the robot."""
 
     at: Instant
@@ -132,14 +134,14 @@ class RobotHistory:
     motion: list[tuple[Instant, MotionState]] = field(default_factory=list)
     late: list[tuple[Instant, Instant]] = field(default_factory=list)
     """The robot was due from the one instant on, and was called at the other."""
-    firings: list[Firing] = field(default_factory=list)
+    firings: list[TimedFiring] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
     actions: list[ActionSpan] = field(default_factory=list)
     sent: dict[DeliveryKey, DeliverySpan] = field(default_factory=dict)
     received: dict[DeliveryKey, tuple[Instant, int]] = field(default_factory=dict)
     """When each delivery was taken up first, and its place in the order."""
-    passages: list[Passage] = field(default_factory=list)
-    orders: list[Order] = field(default_factory=list)
+    passages: list[PassageSpan] = field(default_factory=list)
+    orders: list[KnownOrder] = field(default_factory=list)
 
     def motion_between(self, begin: Instant, end: Instant) -> list[tuple[Instant, Instant, MotionState]]:
         """Return what the wheels did, as parts of [begin, end) without gap."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from rmr.base.time import Instant
-from rmr.why.robot_history import Order, Passage, RobotHistory
+from rmr.why.robot_history import KnownOrder, PassageSpan, RobotHistory
 
 NO_SCHEDULE = "no schedule named the robot yet"
 OWN_SLOT = "first in the schedule; its slot had not begun"
@@ -53,7 +53,7 @@ def waits_behind(
 
 
 def _behind(
-    robot: int, at: Instant, passages: list[tuple[int, Passage]], orders: list[Order]
+    robot: int, at: Instant, passages: list[tuple[int, PassageSpan]], orders: list[KnownOrder]
 ) -> tuple[tuple[int, ...], str]:
     """Return behind whom `robot` waits at an instant, and what that one does."""
     inside = [(passage.entered, other) for other, passage in passages if passage.entered <= at < passage.left]
