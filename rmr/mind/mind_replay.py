@@ -57,7 +57,7 @@ class MindReplay:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same. Raises MindLogError if the log has no beginning.
+        same; with a log of `provenance` it is the interpreter. Raises MindLogError if the log has no beginning.
         """
         self._log = iter(log)
         self._fed: deque[bytes] = deque()
@@ -101,13 +101,8 @@ class MindReplay:
     ) -> RecordedNode:
         header = self.header
         feed = self._feed
-        config = replace(
-            header.config,
-            trace=trace,
-            witness=witness,
-            provenance=provenance,
-            engine=engine or header.config.engine,
-        )
+        config = replace(header.config, trace=trace, witness=witness, engine=engine or header.config.engine)
+        config = replace(config, provenance=provenance)
         ports = Ports(
             feed,
             feed if header.bodily else None,

@@ -65,9 +65,8 @@ class RecordedMind:
         provenance: ProvenanceLog | None = None,
     ) -> MindReplay:
         """Return its replay. Raises MindLogError if it has no beginning, or the recording no program."""
-        log = self.log()
         program = program_of(self.source)
-        return MindReplay(log, program, engine=engine, trace=trace, witness=witness, provenance=provenance)
+        return MindReplay(self.log(), program, engine=engine, trace=trace, witness=witness, provenance=provenance)
 
 
 def batches_of(source: MindSource) -> Iterator[tuple[int, int, bytes]]:
