@@ -33,6 +33,8 @@ from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
 """Steps of one critical path; each goes back in time, or in the order of what happened at one instant."""
+CALLED_LATE = "its host called it late"
+DIED = "until its process was started again"
 LINE_UP = "lineup"
 """The action that drives to a place in a queue."""
 
@@ -60,7 +62,7 @@ class Delay(NamedTuple):
     learned: Instant | None
     """When the robot knew of the finish; None: never."""
     intervals: tuple[Interval, ...]
-    """From the start to `end`, in the order of time."""
+    """From the start to `end`, in the order of time; none reaches across the deadline."""
 
     @property
     def lateness(self) -> int | None:
@@ -80,7 +82,7 @@ def explained(
         end = min(end, max(history.ends for history in histories.values()))
     path = CriticalPath(histories, program, attempts, job.start, max(end, job.start))
     path.follow(path.of_job(robot, job, learned))
-    return Delay(robot, job, max(end, job.start), learned, path.intervals())
+    return Delay(robot, job, max(end, job.start), learned, _cut(path.intervals(), job.deadline))
 
 
 class CriticalPath:
@@ -133,8 +135,8 @@ class CriticalPath:
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
         if history is not None and owner is not TimeOwner.UNKNOWN:
-            parts = _without(parts, history.late, TimeOwner.LATE_TICK, robot)
-            parts = _without(parts, _deaths(history), TimeOwner.DEAD, robot)
+            parts = _without(parts, history.late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
+            parts = _without(parts, _deaths(history), TimeOwner.DEAD, robot, DIED)
         self._found.extend(reversed(parts))
         self._cursor = since
 
@@ -221,7 +223,7 @@ class CriticalPath:
             born = history.lives[lives[-1]][0]
             died = history.lives[lives[-1] - 1][1]
             self._cover(born, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
-            self._cover(died, TimeOwner.DEAD, robot)
+            self._cover(died, TimeOwner.DEAD, robot, (), DIED)
             return lambda: self._stuck(robot)
         self._cover(self._begin, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
         return None
@@ -359,6 +361,17 @@ class CriticalPath:
         return None
 
 
+def _cut(intervals: tuple[Interval, ...], at: Instant) -> tuple[Interval, ...]:
+    """Return `intervals`, the one that reaches across an instant as two."""
+    parts: list[Interval] = []
+    for interval in intervals:
+        if interval.begin < at < interval.end:
+            parts += [interval._replace(end=at), interval._replace(begin=at)]
+        else:
+            parts.append(interval)
+    return tuple(parts)
+
+
 def _newest_arrival(history: RobotHistory, source: int, at: Instant) -> DeliveryKey | None:
     """Return what has arrived from `source` at that very instant, the last first."""
     found = [(order, key) for key, (when, order) in history.received.items() if key[0] == source and when == at]
@@ -373,7 +386,7 @@ def _deaths(history: RobotHistory) -> list[tuple[Instant, Instant]]:
 
 
 def _without(
-    parts: list[Interval], spans: list[tuple[Instant, Instant]], owner: TimeOwner, robot: int
+    parts: list[Interval], spans: list[tuple[Instant, Instant]], owner: TimeOwner, robot: int, detail: str
 ) -> list[Interval]:
     """Return `parts` with the time of `spans` given to `owner`."""
     result: list[Interval] = []
@@ -382,7 +395,7 @@ def _without(
         for begin, end in overlaps(spans, part.begin, part.end):
             if begin > at:
                 result.append(part._replace(begin=at, end=begin))
-            result.append(Interval(begin, end, owner, robot))
+            result.append(Interval(begin, end, owner, robot, (), detail))
             at = end
         if at < part.end:
             result.append(part._replace(begin=at))
