@@ -71,7 +71,7 @@ class MindReplay:
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
         node = self._make_node(program, engine, trace, witness, provenance)
-        self._own_log = node.log
+        self._own_log = self._feed.log = node.log
         self.node: Final[Node] = node
         self.now: Instant = 0
         """Instant of the last call."""
