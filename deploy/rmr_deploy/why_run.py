@@ -11,7 +11,8 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Recording, open_recording
-from rmr.why.absence import AbsenceAnswer, why_not
+from rmr.why.absence import why_not
+from rmr.why.absence_tree import AbsenceAnswer
 from rmr.why.past import Past
 from rmr.why.question import WhyError, question
 from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from rmr.base.printable import one_line
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT, Constant, Kind, Pattern, Program
 from rmr.lang.fact_text import FactError, fact_pattern
@@ -77,5 +78,4 @@ def robots_text(robots: list[int]) -> str:
 
 
 def _short(text: str) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    return one_line(text.strip(), 80)
