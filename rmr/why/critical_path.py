@@ -13,11 +13,13 @@ on its way to the robot, else from what happened to it last.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import Instant
 from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
 from rmr.why.delay_owner import Interval, TimeOwner
+from rmr.why.interval_parts import cut_at, deaths, without
+from rmr.why.pending import newest_arrival, next_supplier, on_their_way
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
     ActionSpan,
@@ -27,7 +29,6 @@ from rmr.why.robot_history import (
     EventCause,
     RobotHistory,
     TimedFiring,
-    overlaps,
 )
 from rmr.why.turn_order import waits_behind
 
@@ -82,7 +83,7 @@ def explained(
         end = min(end, max(history.ends for history in histories.values()))
     path = CriticalPath(histories, program, attempts, job.start, max(end, job.start))
     path.follow(path.of_job(robot, job, learned))
-    return Delay(robot, job, max(end, job.start), learned, _cut(path.intervals(), job.deadline))
+    return Delay(robot, job, max(end, job.start), learned, cut_at(path.intervals(), job.deadline))
 
 
 class CriticalPath:
@@ -135,8 +136,8 @@ class CriticalPath:
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
         if history is not None and owner is not TimeOwner.UNKNOWN:
-            parts = _without(parts, history.late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
-            parts = _without(parts, _deaths(history), TimeOwner.DEAD, robot, DIED)
+            parts = without(parts, history.late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
+            parts = without(parts, deaths(history), TimeOwner.DEAD, robot, DIED)
         self._found.extend(reversed(parts))
         self._cursor = since
 
@@ -179,7 +180,7 @@ class CriticalPath:
         if not job.remote:
             return self._finish_fact(history, job, job.finish)
         source = int(job.finisher)
-        key = _newest_arrival(history, source, learned)
+        key = newest_arrival(history, source, learned)
         if key is None:
             return lambda: self._outside(robot, f"{job.text} of robot {source}", (source,))
         return lambda: self._delivery(robot, key)
@@ -308,39 +309,14 @@ class CriticalPath:
             drives = [span for span in active if span.wheels or span.gated_by is not None]
             chosen = (drives or active)[-1]
             return lambda: self._action(robot, chosen)
-        under_way = self._on_their_way(robot, at)
+        under_way = on_their_way(self._histories, robot, at)
         if under_way:
             return lambda: self._delivery(robot, under_way[0])
-        supplier = self._supplier(robot, at)
+        supplier = next_supplier(self._histories, robot, at, self._asked)
         if supplier is not None:
             self._asked.add(robot)
             return self._stuck(supplier)
         return self._last(history)
-
-    def _on_their_way(self, robot: int, at: Instant) -> list[DeliveryKey]:
-        """Return the deliveries to `robot` that were under way, the first sent first."""
-        received = self._histories[robot].received
-        found = [
-            (span.begun, key)
-            for history in self._histories.values()
-            for key, span in history.sent.items()
-            if key[1] == robot and span.begun <= at and received.get(key, (NEVER, 0))[0] > at
-            and (span.given_up is None or span.given_up > at)
-        ]  # fmt: skip
-        return [key for _, key in sorted(found)]
-
-    def _supplier(self, robot: int, at: Instant) -> int | None:
-        """Return the robot that sends `robot` something next, if that one has something under way."""
-        found = [
-            (span.begun, history.robot)
-            for history in self._histories.values()
-            for key, span in history.sent.items()
-            if key[1] == robot and span.begun > at and history.robot not in self._asked
-        ]
-        for _, source in sorted(found):
-            if any(span.derived <= at < span.ended for span in self._histories[source].actions):
-                return source
-        return None
 
     def _last(self, history: RobotHistory) -> Step | None:
         """Return the step back to what happened last at a robot that has nothing under way."""
@@ -359,44 +335,3 @@ class CriticalPath:
             return lambda: self._firing(robot, firing)
         self._cover(self._begin, TimeOwner.RULE, robot, (), "no rule fired")
         return None
-
-
-def _cut(intervals: tuple[Interval, ...], at: Instant) -> tuple[Interval, ...]:
-    """Return `intervals`, the one that reaches across an instant as two."""
-    parts: list[Interval] = []
-    for interval in intervals:
-        if interval.begin < at < interval.end:
-            parts += [interval._replace(end=at), interval._replace(begin=at)]
-        else:
-            parts.append(interval)
-    return tuple(parts)
-
-
-def _newest_arrival(history: RobotHistory, source: int, at: Instant) -> DeliveryKey | None:
-    """Return what has arrived from `source` at that very instant, the last first."""
-    found = [(order, key) for key, (when, order) in history.received.items() if key[0] == source and when == at]
-    return max(found)[1] if found else None
-
-
-def _deaths(history: RobotHistory) -> list[tuple[Instant, Instant]]:
-    """Return from when to when a robot was dead after it had lived."""
-    lives = history.lives
-    begins = [begin for begin, _ in lives[1:]]
-    return [(end, begin) for (_, end), begin in zip(lives, [*begins, NEVER], strict=True) if end < begin]
-
-
-def _without(
-    parts: list[Interval], spans: list[tuple[Instant, Instant]], owner: TimeOwner, robot: int, detail: str
-) -> list[Interval]:
-    """Return `parts` with the time of `spans` given to `owner`."""
-    result: list[Interval] = []
-    for part in parts:
-        at = part.begin
-        for begin, end in overlaps(spans, part.begin, part.end):
-            if begin > at:
-                result.append(part._replace(begin=at, end=begin))
-            result.append(Interval(begin, end, owner, robot, (), detail))
-            at = end
-        if at < part.end:
-            result.append(part._replace(begin=at))
-    return result

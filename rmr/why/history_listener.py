@@ -5,18 +5,23 @@ provenance log, and a witness, of whatever kind: without one a node does not tel
 The listener changes nothing in the node.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.bytecode.program import Program
 from rmr.coord.events import ScheduleChanged
 from rmr.node import payloads
+from rmr.node.actions.dispatcher import Dispatcher
+from rmr.node.config import NodeConfig
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.driver import Driver
 from rmr.node.logic.exchange import DeliveryProgress, Stage
-from rmr.node.node import Node
 from rmr.node.payloads import PayloadKind, WireError
+from rmr.node.peers.perception import Peers
 from rmr.node.ports import Spoken
+from rmr.node.services import RobotServices
 from rmr.node.standstill import Motion, MotionState, motion_state
-from rmr.node.trace import fact_text, rule_text
+from rmr.node.trace import Trace, fact_text, rule_text
 from rmr.vm.machine_events import FinishSeen, JobFinished, JobMissed, JobStarted
 from rmr.vm.provenance import (
     ActionRecord,
@@ -54,6 +59,19 @@ from rmr.why.robot_history import (
 LATE: Duration = NS_PER_S // TICK_HZ
 """A call that comes later than it was due by more than a frame is late."""
 _GIVEN = EventCause(CauseKind.GIVEN)
+
+
+class WatchedNode(Protocol):
+    """What the listener looks at: `rmr.node.node.Node`."""
+
+    config: NodeConfig
+    next_wake: Instant
+    driver: Driver | None
+    peers: Peers
+    notes: Trace
+    actions: Dispatcher
+    crossings: Crossings
+    services: RobotServices
 
 
 class HistoryListener:
@@ -95,7 +113,7 @@ class HistoryListener:
 
     # -- the life of a process --------------------------------------------------------------------------------
 
-    def born(self, node: Node, now: Instant) -> None:
+    def born(self, node: WatchedNode, now: Instant) -> None:
         """Note that a process of the robot has begun, and its node was started."""
         self.history.lives.append((now, NEVER))
         self.called(node, now)
@@ -120,12 +138,12 @@ class HistoryListener:
 
     # -- after each call --------------------------------------------------------------------------------------
 
-    def touched(self, node: Node) -> None:
+    def touched(self, node: WatchedNode) -> None:
         """Take in a call that was none of the executive: a frame overheard, a fact inserted."""
         self._take_records(node)
         self._due = node.next_wake
 
-    def called(self, node: Node, now: Instant) -> None:
+    def called(self, node: WatchedNode, now: Instant) -> None:
         """Look at the node after a call at `now`."""
         history = self.history
         history.ends = max(history.ends, now)
@@ -152,7 +170,7 @@ class HistoryListener:
             states.append((now if self._sets_out is None else self._sets_out, state))
         self._sets_out = None
 
-    def _take_notes(self, node: Node, now: Instant) -> None:
+    def _take_notes(self, node: WatchedNode, now: Instant) -> None:
         """Take in the new entries of the trace."""
         entries = node.notes.entries
         first = len(entries)
@@ -183,7 +201,7 @@ class HistoryListener:
                 span.text = entry["fact"]
                 return
 
-    def _take_waits(self, node: Node, now: Instant) -> None:
+    def _take_waits(self, node: WatchedNode, now: Instant) -> None:
         """Note which actions wait, and for what."""
         for waiting, what in ((node.actions.held, "held"), (node.actions.queue, "queued"), (node.actions.running, "")):
             for running in waiting:
@@ -198,13 +216,13 @@ class HistoryListener:
 
     # -- the provenance log -----------------------------------------------------------------------------------
 
-    def _take_records(self, node: Node) -> None:
+    def _take_records(self, node: WatchedNode) -> None:
         for record in self.log.records:
             self._order += 1
             self._take(record, node)
         self.log.records.clear()
 
-    def _take(self, record: ProvenanceRecord, node: Node) -> None:
+    def _take(self, record: ProvenanceRecord, node: WatchedNode) -> None:
         changes = self.history.changes
         match record:
             case FiringRecord(at=at, rule=rule):
@@ -229,7 +247,7 @@ class HistoryListener:
             case ToldRecord(at, event):
                 self._told(at, event, node)
 
-    def _take_action(self, record: ActionRecord | ActionStage, node: Node) -> None:
+    def _take_action(self, record: ActionRecord | ActionStage, node: WatchedNode) -> None:
         actions = self.history.actions
         if isinstance(record, ActionRecord):
             if record.executor == self._robot:
@@ -273,7 +291,7 @@ class HistoryListener:
 
     # -- what the node has told -------------------------------------------------------------------------------
 
-    def _told(self, now: Instant, event: object, node: Node) -> None:
+    def _told(self, now: Instant, event: object, node: WatchedNode) -> None:
         match event:
             case JobStarted() | JobFinished() | JobMissed():
                 self._job(now, event, node)
@@ -287,7 +305,7 @@ class HistoryListener:
                 group = self._groups.get(group_id, group_id.hex())
                 self.history.orders.append(KnownOrder(now, group, leader, order))
 
-    def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: Node) -> None:
+    def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:
         jobs = self.history.jobs
         self._groups[node.crossings.group_of(event.job)] = event.job.event
         known = [index for index, (job, _) in enumerate(jobs) if job is event.job]
