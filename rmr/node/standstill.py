@@ -11,9 +11,11 @@ from typing import NamedTuple
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, in_seconds
 from rmr.node.driver import Driver
+from rmr.node.motion.hearing import DEAD
 from rmr.node.motion.hindrance import Hindrance, Neighbourhood, barred, hindrance, touched
+from rmr.node.motion.priority import Heard
 from rmr.node.motion.standoff.detector import KEPT_SHARE
-from rmr.node.peers.perception import Peers
+from rmr.node.peers.perception import HEARD, Peers, driving_of
 
 
 class Motion(Enum):
@@ -84,13 +86,22 @@ def _limited(now: Instant, driver: Driver, peers: Peers, robot: int, roster: Col
 
 
 def neighbourhood(now: Instant, peers: Peers, robot: int, roster: Collection[int]) -> Neighbourhood:
-    """Return the others as `robot` knows them now."""
+    """Return the others as `robot` knows them now. What `peers` keeps for later, and its order, stay as they are."""
     places: dict[int, Point] = {}
-    for other, peer in peers.in_order().items():
+    standing: dict[int, Point] = {}
+    driving: list[Heard] = []
+    for other, peer in sorted(peers.known.items()):
         hello = peer.hello
-        if hello is not None:
-            # Dead reckoning since the hello; one that is parked stays where it is.
-            way_m = 0.0 if hello.parked else hello.v * in_seconds(now - peer.hello_at)
-            places[other] = Point(hello.x + way_m * math.cos(hello.theta), hello.y + way_m * math.sin(hello.theta))
+        if hello is None:
+            continue
+        age = now - peer.hello_at
+        # Dead reckoning since the hello; one that is parked stays where it is.
+        way_m = 0.0 if hello.parked else hello.v * in_seconds(age)
+        places[other] = Point(hello.x + way_m * math.cos(hello.theta), hello.y + way_m * math.sin(hello.theta))
+        if hello.parked or age > DEAD:
+            standing[other] = Point(hello.x, hello.y)
+        heard = driving_of(other, hello, peer.hello_at)
+        if heard is not None and age <= HEARD:
+            driving.append(heard)
     unplaced = tuple([other for other in roster if other != robot and other not in places])
-    return Neighbourhood(places, peers.standing(now), peers.driving(now), unplaced)
+    return Neighbourhood(places, standing, driving, unplaced)

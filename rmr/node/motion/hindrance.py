@@ -60,7 +60,7 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
         case "listen":
             return Hindrance(rule, others.unplaced)
         case "silence" | "overdue":
-            return Hindrance(rule, tuple(navigator.hearing.unheard(scene.now, scene.pose)) or others.unplaced)
+            return Hindrance(rule, tuple(sorted(navigator.hearing.unheard(scene.now, scene.pose))) or others.unplaced)
         case "right_of_way":
             return Hindrance(rule, _going_first(navigator, others))
         case "queue":
