@@ -27,6 +27,7 @@ from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.faults import process_run_faults
 from rmr_world.incarnations import merged_report, with_lost_jobs
+from rmr_world.missed_hint import missed_hint
 from rmr_world.run_warnings import run_warnings
 
 
@@ -95,7 +96,8 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
     print(f"{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
-    for line in (*run_warnings(record), *(f"recording: {problem}" for problem in outcome.recording)):
+    hint = [] if plan.options.no_record else missed_hint(record, plan.options.record or plan.folder)
+    for line in (*run_warnings(record), *(f"recording: {problem}" for problem in outcome.recording), *hint):
         print(f"rmr up: {line}", file=sys.stderr)
     if as_json:
         print(run_report.to_json(record), end="")

@@ -21,6 +21,7 @@ from rmr.why.why_answer import WhyAnswer, why
 from rmr.why.why_dot import absence_dot, why_dot
 from rmr.why.why_text import absence_text, why_text
 from rmr_deploy.active_runs import newest_run
+from rmr_deploy.missed_run import explain_missed
 
 RUNS: Final = Path("runs")
 """Where `rmr up` puts the folders of runs."""
@@ -28,15 +29,27 @@ RUNS: Final = Path("runs")
 
 def perform(
     where: str,
-    fact: str,
+    fact: str | None,
     absent: bool,
     at: Instant | None,
     depth: int,
     more: str | None,
     as_json: bool,
     as_dot: bool,
+    missed: bool,
+    timeline: bool,
 ) -> int:
     """Answer the question; return the exit code."""
+    if missed:
+        for name, given in (("--not", absent), ("--dot", as_dot), ("--more", more is not None)):
+            if given:
+                raise CommandLineError(f"--missed explains the time of deadlines: {name} does not go with it")
+        folder, robot = _run_of(where)
+        return explain_missed(folder, where, robot, fact, at, timeline=timeline, as_json=as_json)
+    if timeline:
+        raise CommandLineError("--timeline is a form of --missed crossing@3")
+    if fact is None:
+        raise CommandLineError("FACT is missing, such as 'at(@4, exit)'; or give --missed")
     if as_json and as_dot:
         raise CommandLineError("--json and --dot are two forms of the answer: give one of them")
     if absent and more is not None:

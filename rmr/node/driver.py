@@ -83,6 +83,8 @@ class Driver:
         self.stays_until: Instant = 0
         """It has promised the others not to move before."""
         self._began: Instant | None = None
+        self.held_by = ""
+        """The rule of the stage WHEELS that holds the wheels, or slows them down, in this tick; empty: none does."""
 
     @property
     def moving(self) -> bool:
@@ -121,11 +123,13 @@ class Driver:
             self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
+        self.held_by = ""
         if self._may_move(now):
             twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
             unwatched = now - max(self._sensed_at, self._set_out_at)
             if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):
                 twist = watched(twist, unwatched)
+                self.held_by = "unwatched"
                 self._switches.count("unwatched")
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
@@ -134,9 +138,11 @@ class Driver:
         """Return whether the robot has not promised to stay, and its newest sample still describes the situation."""
         if now < self.stays_until and not self._switches.off("promise"):
             self._switches.count("promise")
+            self.held_by = "promise"
             return False
         if now - self._sensed_at > STALE and not self._switches.off("unwatched"):
             self._switches.count("unwatched")
+            self.held_by = "unwatched"
             return False
         return True
 

@@ -36,7 +36,7 @@ class Transmitter:
         """Hand a payload to the radio; return the handle by which it will tell the outcome."""
         self._sent += 1
         if self._state.config.witness is not None:
-            self._state.tell(Spoken(payload))
+            self._state.tell(Spoken(payload, destination, self._sent))
         self._port.transmit(payload, destination, self._sent)
         return self._sent
 

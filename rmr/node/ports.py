@@ -103,6 +103,10 @@ class Spoken(NamedTuple):
     """A frame that a robot has handed to its radio; an event for checkers."""
 
     payload: bytes
+    destination: int | None = None
+    """None: everybody."""
+    handle: int = 0
+    """The number by which the radio tells the outcome."""
 
 
 class RadioPort(Protocol):

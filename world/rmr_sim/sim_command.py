@@ -38,6 +38,7 @@ from rmr_world.faults import fault_lines
 from rmr_world.finding import LabError
 from rmr_world.lab_file import lab_path
 from rmr_world.lab_program import ProgramError
+from rmr_world.missed_hint import missed_hint
 from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
 from rmr_world.run_warnings import run_warnings
@@ -131,7 +132,8 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     warnings = [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]
     if recorder is not None:
         recorder.close(to_json(report).encode(), warnings)
-        warnings += filter(None, [recorder.writer.failure])
+        failed = recorder.writer.failure
+        warnings += missed_hint(report, arguments.record or folder) if failed is None else [failed]
     for line in warnings:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)

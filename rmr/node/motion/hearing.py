@@ -245,6 +245,11 @@ class Hearing:
                 why |= OVERDUE_HELLOS
         return why if near and not self._in_view(now, pose, seen, near) else 0
 
+    def unheard(self, now: Instant, pose: Pose) -> list[int]:
+        """Return the robots that a robot at `pose` stands for since they are not heard: the silent, the overdue."""
+        silent = [other.robot for other in self._silent if self._reaches(now, other, pose)]
+        return silent + [other.robot for other in self.fresh if self._is_overdue(now, other, pose)]
+
     def _is_overdue(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
         if now <= self._overdue_at(other) or not self._reaches(now, other, pose):

@@ -40,9 +40,9 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_control", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
-        "_parked", "_policy", "_pose", "_queue", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
-        "_standing", "_v", "arena", "hearing", "replans", "robot", "status",
+        "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
+        "_parked", "_pose", "_queue", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
+        "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1, switches: RuleSwitches | None = None) -> None:
@@ -71,13 +71,13 @@ class Navigator:
         self._v = 0.0
         """The speed of the last command, m/s."""
         self._stand_off = DeadlockDetector(robot)
-        self._policy = EscapePolicy(switches)
+        self.policy = EscapePolicy(switches)
         self._driving: Sequence[Heard] = ()
         """What others that drive said last."""
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
-        self._control = SpeedControl(arena, robots, switches)
-        self.hearing = self._control.hearing
+        self.control = SpeedControl(arena, robots, switches)
+        self.hearing = self.control.hearing
         """What the others have said about themselves."""
 
     def go(
@@ -163,7 +163,7 @@ class Navigator:
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
-        control = self._control
+        control = self.control
         control.perceive(now, pose, sigma, bodies)
         if self._driven is not None:
             return control.by_hand(self._driven)
@@ -191,7 +191,7 @@ class Navigator:
 
     def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
-        control = self._control
+        control = self.control
         cap = control.cap(follower, self._gate, self._queue, self._right_of_way, self._parked)
         wish = follower.steer(pose, cap)
         if self._queue.late and not self._queue.overtakes:
@@ -234,14 +234,14 @@ class Navigator:
         assert self._order is not None
         stand_off = self._stand_off
         arena = self.arena
-        others = self._control.others(self._standing.points.values())
+        others = self.control.others(self._standing.points.values())
         endures = False
         if symptom is DeadlockCause.DEADLOCK:
             stand_off.mark(now, pose, others, arena.shape.radius)
         if symptom in (DeadlockCause.DEADLOCK, DeadlockCause.NO_WAY_BACK):
             walks = symptom is DeadlockCause.DEADLOCK and self._excursion is not None
             endures = stand_off.endures(now, pose, walks=walks)
-        manoeuvre = self._policy.choose(
+        manoeuvre = self.policy.choose(
             Impasse(
                 symptom=symptom,
                 now=now,

@@ -6,7 +6,7 @@ that stand on the goal, or along the way that there would be without them. No de
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, point_segment_distance
@@ -17,36 +17,65 @@ NAMED_MAX: Final = 5
 """How many robots are named at most."""
 
 
+class Obstruction(NamedTuple):
+    """What is in the way."""
+
+    words: str = ""
+    """Subject and verb; empty where it is not known."""
+    robots: tuple[int, ...] = ()
+    """The robots that are; none where an obstacle is."""
+
+
 def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Point]) -> str:
     """Return what is in the way from `start` to `goal`, in words; empty where that is not known.
 
     `parked` holds where the other robots stand.
     """
+    return obstruction(arena, start, goal, parked).words
+
+
+def obstruction(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Point]) -> Obstruction:
+    """Return what is in the way from `start` to `goal`; `parked` holds where the other robots stand."""
     radius = arena.shape.radius
     if not _within(arena, goal):
-        return f"({goal.x:g}, {goal.y:g}) is outside the arena"
+        return Obstruction(f"({goal.x:g}, {goal.y:g}) is outside the arena")
     if arena.clearance(*goal) < radius + TIGHT_MARGIN_M:
-        return f"{closest_solid(arena, *goal)} leaves no room for a robot at ({goal.x:g}, {goal.y:g})"
+        return Obstruction(f"{closest_solid(arena, *goal)} leaves no room for a robot at ({goal.x:g}, {goal.y:g})")
     found = plan(arena, start, goal)
     if found is None:
         solid = solid_between(arena, start, goal)
-        return f"{solid} is in the way, and there is no way around it" if solid else "obstacles close every way"
+        return Obstruction(
+            f"{solid} is in the way, and there is no way around it" if solid else "obstacles close every way"
+        )
     keep = 2.0 * radius + PATH_MARGIN_M
-    standing = [robot for robot, place in parked.items() if distance(*place, *goal) < keep]
+    standing = tuple([robot for robot, place in parked.items() if distance(*place, *goal) < keep])
     if standing:
-        return f"{robots_named(standing)} at the goal"
-    along = robots_near(arena, found.points, parked)
-    return f"{along} in the way" if along else ""
+        return Obstruction(f"{robots_named(standing)} at the goal", standing)
+    along = near_polyline(arena, found.points, parked)
+    if along:
+        return Obstruction(f"{robots_named(along)} in the way", along)
+    # No single robot stands on the shortest way, so those nearest to it leave too little room between them.
+    close = near_polyline(arena, found.points, parked, 2.0 * keep)
+    return Obstruction(f"{robots_named(close)} too near to the way", close) if close else Obstruction()
+
+
+def near_polyline(
+    arena: Arena, way: Sequence[Point], places: Mapping[int, Point], within_m: float | None = None
+) -> tuple[int, ...]:
+    """Return the robots of `places` that are on a polyline, or nearer to it than `within_m`."""
+    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M if within_m is None else within_m
+    return tuple(
+        [
+            robot
+            for robot, place in places.items()
+            if any(point_segment_distance(*place, *a, *b) < keep for a, b in pairwise(way))
+        ]
+    )
 
 
 def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point]) -> str:
     """Return the robots that stand on a polyline, as subject and verb; empty if there are none."""
-    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
-    near = [
-        robot
-        for robot, place in parked.items()
-        if any(point_segment_distance(*place, *a, *b) < keep for a, b in pairwise(way))
-    ]
+    near = near_polyline(arena, way, parked)
     return robots_named(near) if near else ""
 
 

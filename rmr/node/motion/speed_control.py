@@ -28,18 +28,21 @@ REVERSE_GAP_M: Final = 0.03
 REVERSE_POLL_M: Final = 0.03
 """How far behind the robot a reverse manoeuvre looks for walls and bodies."""
 
+SILENCED: Final = "silence"
+"""What keeps a robot that drives by hand or backs up from doing so while somebody is not heard."""
+
 
 class SpeedControl:
     """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
 
-    __slots__ = ("_around", "_law", "_memory", "_seen", "_switches", "arena", "hearing")
+    __slots__ = ("_memory", "_seen", "_switches", "arena", "hearing", "law", "scene")
 
     def __init__(self, arena: Arena, robots: int, switches: RuleSwitches) -> None:
         """`robots` is the size of the roster; `switches` says which rules are in force."""
         self.arena = arena
         self._switches = switches
-        self._law = SpeedLaw(switches)
-        self._around = HazardScene(arena, switches)
+        self.law = SpeedLaw(switches)
+        self.scene = HazardScene(arena, switches)
         self._memory = BodyMemory(arena.shape, remembers=not switches.off("memory"))
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
@@ -51,7 +54,7 @@ class SpeedControl:
     def perceive(self, now: Instant, pose: Pose, sigma_m: float, bodies: Sequence[SeenBody]) -> None:
         """Take in the estimated pose, with its standard deviation, and the bodies in view."""
         self._seen = self._memory.update(now, pose, bodies, self.hearing.fresh)
-        around = self._around
+        around = self.scene
         around.now = now
         around.pose = pose
         around.sigma_m = sigma_m
@@ -60,27 +63,27 @@ class SpeedControl:
 
     def silenced(self) -> bool:
         """Return whether a silence forbids a manoeuvre that is due."""
-        if self._around.silence:
-            self._around.count_silence()
-        return self._around.silence != 0
+        if self.scene.silence:
+            self.scene.count_silence()
+        return self.scene.silence != 0
 
     def cap(
         self, follower: Follower, gate: EntryGate, queue: Queueing, right_of_way: float, parked: tuple[Point, ...]
     ) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
-        around = self._around
+        around = self.scene
         around.follower = follower
         around.gate = gate
         around.queue = queue
         around.right_of_way = right_of_way
         around.parked = parked
-        return self._law.cap(around)
+        return self.law.cap(around)
 
     def slowed(self, twist: Twist) -> Twist:
         """Return `twist`, slowed as the bodies around demand."""
         if twist.v <= 0.0:
             return twist
-        around = self._around
+        around = self.scene
         seen = self._seen
         # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
         around.bodies = [*seen, *self._heard(-BESIDE_M if twist.w else 0.0)]
@@ -88,18 +91,22 @@ class SpeedControl:
         around.ranked = UNRANKED
         if not self._switches.off("order"):
             around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
-        return self._law.slowed(around, twist)
+        return self.law.slowed(around, twist)
 
     def by_hand(self, twist: Twist) -> Twist:
         """Return the command of an action that drives by itself: the speed law still has the last word."""
-        return self.slowed(Twist(0.0, twist.w) if self.silenced() else twist)
+        self.law.limited_by = ""
+        if not self.silenced():
+            return self.slowed(twist)
+        self.law.limited_by = SILENCED
+        return Twist(0.0, twist.w)
 
     def reverse(self) -> Twist:
         """Return the command that drives straight back, or stands where something is known to be there."""
         if self._switches.off("reverse_guard"):
             return Twist(-REVERSE_MPS, 0.0)
-        around = self._around
-        pose = self._around.pose
+        around = self.scene
+        pose = self.scene.pose
         radius = self.arena.shape.radius
         x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
         y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
@@ -113,12 +120,13 @@ class SpeedControl:
         if free:
             return Twist(-REVERSE_MPS, 0.0)
         self._switches.count("reverse_guard")
+        self.law.limited_by = "reverse_guard"
         return STILL
 
     def others(self, standing: Iterable[Point]) -> list[Point]:
         """Return where bodies are now, on the floor: those seen, and those heard to be `standing`."""
-        seen = self._memory.places(self._around.now)
-        if len(seen) > self._around.remembered_from:
+        seen = self._memory.places(self.scene.now)
+        if len(seen) > self.scene.remembered_from:
             self._switches.count("memory")
         radius = self.arena.shape.radius
         # A robot that is seen is heard as well: within a radius both are the same.
@@ -128,7 +136,7 @@ class SpeedControl:
         """Return the bodies that are heard but not seen, farther ahead than `beyond_m`, in the robot's frame."""
         if self._switches.off("cooperation"):
             return ()
-        around = self._around
+        around = self.scene
         heard = self.hearing.around(around.now, around.pose, self._seen, beyond_m, around.remembered_from)
         if self.hearing.hides_remembered:
             self._switches.count("memory")

@@ -162,10 +162,12 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
 class SpeedLaw:
     """The rules of `HAZARDS` that are in force, applied in order."""
 
-    __slots__ = ("_body_rules", "_caps", "_switches")
+    __slots__ = ("_body_rules", "_caps", "_switches", "limited_by")
 
     def __init__(self, switches: RuleSwitches) -> None:
         self._switches = switches
+        self.limited_by = ""
+        """The rule that has lowered the speed of this tick last; empty: none has."""
         in_force = [rule for rule in HAZARDS if not switches.off(rule.name)]
         self._caps: Final = [rule for rule in in_force if rule.stage is HazardStage.CAP]
         self._body_rules: Final = [rule for rule in in_force if rule.stage is HazardStage.BODY]
@@ -173,9 +175,11 @@ class SpeedLaw:
     def cap(self, around: HazardScene) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
         v = around.arena.shape.speed
+        self.limited_by = ""
         for rule in self._caps:
             if (allowed := rule.limit(around, v)) < v:
                 self._switches.count(rule.name)
+                self.limited_by = rule.name
                 v = allowed
         return v
 
@@ -189,6 +193,7 @@ class SpeedLaw:
         for rule in self._body_rules:
             if (allowed := rule.limit(around, v)) < v:
                 self._switches.count(rule.name)
+                self.limited_by = rule.name
                 v = allowed
         # The turn rate falls with the speed: the arc, which the path needs, stays the same.
         return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)

@@ -10,10 +10,12 @@ from rmr.node.motion.standoff.escapes import ESCAPES, Impasse, Manoeuvre
 class EscapePolicy:
     """The escapes of one robot that are in force."""
 
-    __slots__ = ("_escapes", "_switches")
+    __slots__ = ("_escapes", "_switches", "chosen")
 
     def __init__(self, switches: RuleSwitches) -> None:
         self._switches = switches
+        self.chosen = ""
+        """The name of the escape that was chosen last."""
         self._escapes: Final = [escape for escape in ESCAPES if not switches.off(escape.name)]
 
     def choose(self, impasse: Impasse) -> Manoeuvre | None:
@@ -22,6 +24,7 @@ class EscapePolicy:
             manoeuvre = escape.act(impasse) if escape.applies(impasse) else None
             if manoeuvre is not None:
                 self._switches.count(escape.name)
+                self.chosen = escape.name
                 return manoeuvre
         return None
 

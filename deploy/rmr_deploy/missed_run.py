@@ -1,0 +1,64 @@
+"""`rmr why RUN --missed`: what the time of missed deadlines went into."""
+
+import json
+import sys
+from pathlib import Path
+from shlex import quote
+
+from rmr.base.time import Instant
+from rmr.entry import ExitCode
+from rmr.entry.command_line import CommandLineError
+from rmr.mind.mind_reader import MindLogError
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.recording import open_recording
+from rmr.why.delay_source import RunHistory, run_history
+from rmr.why.delay_text import delay_data, delay_text, delays_text
+from rmr.why.missed_jobs import FORM, asked_delay, missed_delays
+from rmr.why.question import WhyError
+
+
+def explain_missed(
+    folder: Path, where: str, robot: int | None, asked: str | None, at: Instant | None, *, timeline: bool, as_json: bool
+) -> int:
+    """Explain the job that is `asked` for, or list all missed deadlines (of `robot` alone); return the exit code."""
+    if asked is None and (timeline or at is not None):
+        raise CommandLineError(f"{'--timeline' if timeline else '--at'} is for one job: {FORM}")
+    try:
+        with open_recording(folder) as recording:
+            run = run_history(recording)
+            problems = [*recording.problems, *run.problems]
+    except (RecordingError, MindLogError) as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.INVALID
+    try:
+        _answer(run, where, robot, asked, at, problems, timeline=timeline, as_json=as_json)
+    except WhyError as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.USAGE
+    for problem in problems:
+        print(f"rmr why: {problem}", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _answer(
+    run: RunHistory,
+    where: str,
+    robot: int | None,
+    asked: str | None,
+    at: Instant | None,
+    problems: list[str],
+    *,
+    timeline: bool,
+    as_json: bool,
+) -> None:
+    if asked is not None:
+        job = asked if robot is None or "@" in asked else f"{asked}@{robot}"
+        delays = [asked_delay(run, job, at)]
+    else:
+        delays = [delay for delay in missed_delays(run) if robot in (None, delay.robot)]
+    if as_json:
+        print(json.dumps({"delays": [delay_data(delay) for delay in delays], "problems": problems}, indent=2))
+    elif asked is not None:
+        print(delay_text(delays[0], timeline=timeline), end="")
+    else:
+        print(delays_text(delays, quote(where)), end="")

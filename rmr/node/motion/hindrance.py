@@ -1,0 +1,158 @@
+"""Who or what keeps a robot standing: the rule that limits its speed now, and the robot or the obstacle behind it.
+
+For people, and asked after a tick by whoever explains a run: no decision of the robot depends on it, and a robot that
+is not asked spends nothing on it. A robot is known by the place that its hellos report; a body that no hello accounts
+for is named by where it is.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+from rmr.base.geometry import Point, Pose, distance
+from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
+from rmr.node.motion.hazards import HazardScene
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.obstruction import closest_solid, obstruction
+from rmr.node.motion.priority import Heard, order_key, share_of_speed
+from rmr.node.motion.queueing import REACH_M
+from rmr.node.motion.route import off_queue
+from rmr.node.motion.speed_control import REVERSE_POLL_M
+from rmr.node.motion.stopping import stopping_speed
+from rmr.node.ports import SeenBody
+
+SAME_RADII: Final = 2.0
+"""A body nearer than this to the reported place of a robot is that robot."""
+NO_WAY: Final = "no way"
+"""What stands for a rule where a robot finds no way to its goal."""
+BUMPED: Final = "bumped"
+"""What stands for a rule where a robot drives against a hull or an obstacle."""
+
+
+class Neighbourhood(NamedTuple):
+    """The others, as one robot knows them at one instant."""
+
+    places: Mapping[int, Point]
+    """Where each of them is now, by its last hello and its velocity then."""
+    standing: Mapping[int, Point]
+    """Where those stand that are parked or dead."""
+    driving: Sequence[Heard]
+    """What those said that drive."""
+    unplaced: tuple[int, ...]
+    """Robots of the roster that have never said where they are."""
+
+
+class Hindrance(NamedTuple):
+    """Why a robot stands, or drives slowly."""
+
+    rule: str
+    """A name of `HAZARDS` or `ESCAPES`, NO_WAY or BUMPED."""
+    robots: tuple[int, ...] = ()
+    """The robots that are the reason, by id."""
+    place: str = ""
+    """The obstacle or the unknown body that is, in words."""
+
+
+def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindrance:
+    """Return who is behind `rule`, which limits the robot's speed in this tick."""
+    scene = navigator.control.scene
+    match rule:
+        case "listen":
+            return Hindrance(rule, others.unplaced)
+        case "silence" | "overdue":
+            return Hindrance(rule, tuple(sorted(navigator.hearing.unheard(scene.now, scene.pose))) or others.unplaced)
+        case "right_of_way":
+            return Hindrance(rule, _going_first(navigator, others))
+        case "queue":
+            return Hindrance(rule, _ahead_in_queue(navigator, others))
+        case "danger" | "stopping" | "arc":
+            return _behind_bodies(scene, rule, others)
+        case "reverse_guard":
+            return _at(scene.pose, -REVERSE_POLL_M, navigator, rule, others)
+    return Hindrance(rule)
+
+
+def touched(navigator: Navigator, others: Neighbourhood) -> Hindrance:
+    """Return what a robot touches that drives and bumps."""
+    return _at(navigator.control.scene.pose, 0.0, navigator, BUMPED, others)
+
+
+def barred(navigator: Navigator, others: Neighbourhood) -> Hindrance:
+    """Return what is in the way of a robot that finds no way to its goal."""
+    pose = navigator.control.scene.pose
+    if navigator.goal is None:
+        return Hindrance(NO_WAY)
+    found = obstruction(navigator.arena, Point(pose.x, pose.y), navigator.goal, others.standing)
+    return Hindrance(NO_WAY, found.robots, found.words if not found.robots else "")
+
+
+def nearest(places: Mapping[int, Point], x: float, y: float, within_m: float) -> int | None:
+    """Return the robot of `places` nearest to (x, y); None if none is `within_m`."""
+    near = [(distance(*place, x, y), robot) for robot, place in places.items()]
+    away, robot = min(near, default=(math.inf, 0))
+    return robot if away < within_m else None
+
+
+def _going_first(navigator: Navigator, others: Neighbourhood) -> tuple[int, ...]:
+    """Return the robots that go first and whose predicted paths cross this one's."""
+    route = navigator.route
+    if route is None:
+        return ()
+    shape = navigator.arena.shape
+    now = navigator.control.scene.now
+    s = route.length_m - navigator.remaining_m
+    mine = navigator.hearing.order
+    first = [other for other in others.driving if order_key(other.rank, other.robot) < mine]
+    slowing = [other.robot for other in first if share_of_speed(now, route, s, shape, [other]) < 1.0]
+    # The share was worked out up to 0.2 s ago; where it no longer holds all that go first are named.
+    return tuple(slowing or [other.robot for other in first])
+
+
+def _ahead_in_queue(navigator: Navigator, others: Neighbourhood) -> tuple[int, ...]:
+    """Return the robots that stand before this one in the queue."""
+    pose = navigator.control.scene.pose
+    at = Point(pose.x, pose.y)
+    near = {robot: place for robot, place in others.standing.items() if distance(*place, *at) < REACH_M}
+    return tuple(robot for robot, place in near.items() if not off_queue(navigator.arena, at, [place]))
+
+
+def _behind_bodies(scene: HazardScene, rule: str, others: Neighbourhood) -> Hindrance:
+    """Return the body that allows the least speed."""
+    angle = chord_angle(scene.twist) if rule == "arc" else 0.0
+    least = math.inf
+    worst: SeenBody | None = None
+    for body in scene.bodies:
+        seen = turned(body, angle) if angle else body
+        allowed = _allowed(scene, body, seen)
+        if allowed < least:
+            least = allowed
+            worst = body
+    if worst is None:
+        return Hindrance(rule)
+    pose = scene.pose
+    x = pose.x + worst.x * math.cos(pose.theta) - worst.y * math.sin(pose.theta)
+    y = pose.y + worst.x * math.sin(pose.theta) + worst.y * math.cos(pose.theta)
+    robot = nearest(others.places, x, y, SAME_RADII * scene.arena.shape.radius)
+    if robot is not None:
+        return Hindrance(rule, (robot,))
+    return Hindrance(rule, (), f"a robot at ({x:.2f}, {y:.2f}) that no hello accounts for")
+
+
+def _allowed(scene: HazardScene, body: SeenBody, seen: SeenBody) -> float:
+    """Return the speed that the rules for bodies allow for `body`, which is `seen` from the direction of travel."""
+    if seen.x <= 0.0:
+        return math.inf
+    radius = scene.arena.shape.radius
+    late = scene.ranked.get(body, gives_way_late(seen))
+    return min(closing_limit(scene.cap, seen, radius, late), stopping_speed(scene.cap, seen, radius))
+
+
+def _at(pose: Pose, ahead_m: float, navigator: Navigator, rule: str, others: Neighbourhood) -> Hindrance:
+    """Return what a hull touches, or would touch `ahead_m` from its place: the nearest robot, else an obstacle."""
+    x = pose.x + ahead_m * math.cos(pose.theta)
+    y = pose.y + ahead_m * math.sin(pose.theta)
+    radius = navigator.arena.shape.radius
+    robot = nearest(others.places, x, y, 2.0 * radius + 2.0 * REVERSE_POLL_M)
+    if robot is not None:
+        return Hindrance(rule, (robot,))
+    return Hindrance(rule, (), closest_solid(navigator.arena, x, y))

@@ -1,0 +1,113 @@
+"""The histories of a recorded run: each mind is replayed once, and a listener writes down what it does.
+
+What the recording does not hold (a robot without a log, a log that is damaged) is told in `problems`; the delays of the
+other robots are explained all the same.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Final
+
+from rmr.base.time import Instant, seconds
+from rmr.bytecode.program import Program
+from rmr.mind.mind_reader import MindLogError
+from rmr.mind.recorded_minds import RecordedMind, minds, program_of
+from rmr.record.recording import Recording
+from rmr.why.history_listener import HistoryListener
+from rmr.why.radio_time import Attempt
+from rmr.why.robot_history import RobotHistory
+
+FRAMES: Final = "/frames"
+FAULTS: Final = "/faults"
+
+
+@dataclass(frozen=True, slots=True)
+class RunHistory:
+    """What all robots of a run did."""
+
+    program: Program
+    robots: dict[int, RobotHistory]
+    attempts: dict[tuple[int, int], list[Attempt]]
+    """The frames on the air, by sender and handle."""
+    problems: tuple[str, ...]
+
+
+def run_history(recording: Recording) -> RunHistory:
+    """Replay the minds of `recording`. Raises MindLogError if it has no program, or no mind at all."""
+    program = program_of(recording)
+    found = minds(recording)
+    if not found:
+        raise MindLogError("the recording holds no log of a robot's mind")
+    kills = _kills(recording)
+    listeners: dict[int, HistoryListener] = {}
+    problems: list[str] = []
+    for mind, following in zip(found, [*found[1:], None], strict=True):
+        listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program))
+        again = following is not None and following.robot == mind.robot
+        problem = _replayed(mind, listener, kills[mind.robot], again=again)
+        if problem:
+            problems.append(f"robot {mind.robot}, life {mind.epoch + 1}: {problem}")
+    ends = max((listener.history.ends for listener in listeners.values()), default=0)
+    for listener in listeners.values():
+        listener.ended(ends)
+    histories = {robot: listener.history for robot, listener in listeners.items()}
+    return RunHistory(program, histories, _attempts(recording), tuple(problems))
+
+
+def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant], *, again: bool) -> str:
+    """Replay one incarnation; return what was wrong, empty if nothing was. `again`: another one follows."""
+    listener.begin()
+    at: Instant = 0
+    began = False
+    try:
+        replay = mind.replay(witness=_nobody, provenance=listener.log)
+        node = replay.node
+        for at in replay.run():
+            if not began:
+                listener.born(node, at)
+                began = True
+            elif node.now == at:
+                listener.called(node, at)
+            else:
+                listener.touched(node)
+        if replay.difference is not None:
+            difference = replay.difference
+            problem = f"its replay differs from the recording from {difference.at / 1e9:.3f} s on ({difference.what})"
+        else:
+            problem = ""
+    except MindLogError as error:
+        problem = str(error)
+    if not began:
+        return problem or "its log is empty"
+    killed = [kill for kill in kills if kill >= at]
+    if killed or again:
+        listener.died(min(killed, default=at) if not again or killed else at)
+    return problem
+
+
+def _nobody(robot: int, now: Instant, event: object) -> None:
+    """Hear nothing: a node tells of its frames only where it has a witness."""
+
+
+def _kills(recording: Recording) -> defaultdict[int, list[Instant]]:
+    """Return when the process of each robot was killed."""
+    kills: defaultdict[int, list[Instant]] = defaultdict(list)
+    for message in recording.messages((FAULTS,)):
+        fault = message.data.get("fault", {})
+        for word in ("killed", "kill"):
+            robot = fault.get(word)
+            if isinstance(robot, int):
+                kills[robot].append(seconds(fault.get("at", message.at / 1e9)))
+    return kills
+
+
+def _attempts(recording: Recording) -> dict[tuple[int, int], list[Attempt]]:
+    attempts: dict[tuple[int, int], list[Attempt]] = {}
+    for message in recording.messages((FRAMES,)):
+        frame = message.data
+        handle = frame.get("handle")
+        start = frame.get("start_s")
+        end = frame.get("end_s")
+        if handle is not None and start is not None and end is not None:
+            attempts.setdefault((frame["source"], handle), []).append(Attempt(seconds(start), seconds(end)))
+    return attempts

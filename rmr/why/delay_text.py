@@ -1,0 +1,172 @@
+"""Explained delays as text and as plain data."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+from rmr.base.time import Duration, in_seconds
+from rmr.why.critical_path import Delay
+from rmr.why.delay_owner import Interval, TimeOwner
+
+LARGEST: Final = 3
+"""Owners that a line on one of many missed deadlines names."""
+
+
+class Share(NamedTuple):
+    """All intervals of one owner, for one reason."""
+
+    owner: TimeOwner
+    words: str
+    duration: Duration
+    intervals: int
+
+
+def shares(delay: Delay) -> list[Share]:
+    """Return the time by owner and reason, the largest first; of equal ones the earliest."""
+    found: dict[tuple[TimeOwner, int, tuple[int, ...], str], list[Interval]] = {}
+    for interval in delay.intervals:
+        detail = "" if interval.whom and interval.owner in _BY_ROBOT else interval.detail
+        found.setdefault((interval.owner, interval.robot, interval.whom, detail), []).append(interval)
+    made = [
+        Share(group[0].owner, _words(delay, group), sum(each.duration for each in group), len(group))
+        for group in found.values()
+    ]
+    return sorted(made, key=lambda share: -share.duration)
+
+
+_BY_ROBOT: Final = frozenset({TimeOwner.TURN, TimeOwner.STANDING, TimeOwner.QUEUE})
+"""Owners whose time is added up by the other robot, whatever the rule."""
+
+
+def delay_text(delay: Delay, *, timeline: bool = False) -> str:
+    """Return one delay as text with line ends: by owner, or in the order of time."""
+    total = delay.end - delay.job.start
+    lines = [heading(delay)]
+    if timeline:
+        lines += [
+            f"  {in_seconds(each.begin):9.3f} s  {in_seconds(each.duration):8.3f} s  {each.owner.value:<14}  "
+            f"{_words(delay, [each])}{'  (after the deadline)' if each.begin >= delay.job.deadline else ''}"
+            for each in delay.intervals
+        ]
+    else:
+        for share in shares(delay):
+            percent = round(100 * share.duration / total) if total else 0
+            lines.append(
+                f"  {in_seconds(share.duration):8.3f} s  {percent:3d} %  {share.owner.value:<14}  {share.words}"
+            )
+    lines.append(f"  {in_seconds(total):8.3f} s  in all{_after_deadline(delay)}")
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def heading(delay: Delay) -> str:
+    """Return the line that says which job it is, and how it ended."""
+    job = delay.job
+    return (
+        f"{job.name}@{delay.robot}: {job.text} from {in_seconds(job.start):.3f} s, "
+        f"deadline {in_seconds(job.deadline):.3f} s, {_outcome(delay)}"
+    )
+
+
+def delays_text(delays: Sequence[Delay], run: str) -> str:
+    """Return all missed deadlines of a run, a line each, with the largest owners; `run` is named in the last line."""
+    if not delays:
+        return "no deadline was missed\n"
+    lines = [
+        f"{delay.job.name}@{delay.robot}  {_outcome(delay)}: "
+        + ", ".join(_short(share) for share in shares(delay)[:LARGEST])
+        for delay in delays
+    ]
+    first = delays[0]
+    lines.append(f"for all of one: rmr why {run} --missed {first.job.name}@{first.robot}")
+    return "\n".join(lines) + "\n"
+
+
+def delay_data(delay: Delay) -> dict[str, Any]:
+    """Return one delay as plain data; times in seconds, and exactly in nanoseconds."""
+    job = delay.job
+    return {
+        "name": job.name,
+        "robot": delay.robot,
+        "job": job.text,
+        "start_s": in_seconds(job.start),
+        "deadline_s": in_seconds(job.deadline),
+        "finish_s": None if job.finish is None else in_seconds(job.finish),
+        "lateness_s": None if delay.lateness is None else in_seconds(delay.lateness),
+        "missed": job.missed or job.finish is None,
+        "cause": job.cause,
+        "start_ns": job.start,
+        "deadline_ns": job.deadline,
+        "end_ns": delay.end,
+        "owners": [
+            {
+                "owner": share.owner.value,
+                "words": share.words,
+                "s": in_seconds(share.duration),
+                "ns": share.duration,
+                "intervals": share.intervals,
+            }
+            for share in shares(delay)
+        ],
+        "intervals": [
+            {
+                "begin_ns": each.begin,
+                "end_ns": each.end,
+                "s": in_seconds(each.duration),
+                "owner": each.owner.value,
+                "robot": each.robot,
+                "whom": list(each.whom),
+                "detail": each.detail,
+                "after_deadline": each.begin >= job.deadline,
+            }
+            for each in delay.intervals
+        ],
+    }
+
+
+def _outcome(delay: Delay) -> str:
+    if delay.lateness is None:
+        return "not finished"
+    late = f"{in_seconds(abs(delay.lateness)):.3f} s {'late' if delay.lateness > 0 else 'early'}"
+    if delay.job.cause == "network":
+        return f"finished in time, the news of it {late}"
+    return f"finished {late}"
+
+
+def _after_deadline(delay: Delay) -> str:
+    after = delay.end - delay.job.deadline
+    return f", {in_seconds(after):.3f} s of it after the deadline" if after > 0 else ""
+
+
+def _short(share: Share) -> str:
+    """Return a share on one line with others."""
+    words = share.words.split(" (")[0] if share.owner in _BY_ROBOT else ""
+    return " ".join(filter(None, [share.owner.value, words, f"{in_seconds(share.duration):.3f} s"]))
+
+
+def _words(delay: Delay, intervals: Sequence[Interval]) -> str:
+    """Return the reason of intervals that have one owner and the same robots."""
+    first = intervals[0]
+    details = ", ".join(dict.fromkeys(_details(intervals)))
+    whose = "" if first.robot in (delay.robot, 0) else f"robot {first.robot}: "
+    if not first.whom:
+        return whose + details
+    others = f"robot{'s' if len(first.whom) > 1 else ''} {', '.join(map(str, first.whom))}"
+    preposition = _PREPOSITIONS.get(first.owner)
+    if preposition is None:
+        return f"{whose}{details}"
+    return f"{whose}{preposition} {others}" + (f" ({details})" if details else "")
+
+
+def _details(intervals: Sequence[Interval]) -> Iterator[str]:
+    return (each.detail for each in intervals if each.detail)
+
+
+_PREPOSITIONS: Final = {
+    TimeOwner.TURN: "behind",
+    TimeOwner.STANDING: "for",
+    TimeOwner.QUEUE: "behind",
+    TimeOwner.OUTSIDE: "from",
+    TimeOwner.RADIO_QUEUE: "to",
+    TimeOwner.CHANNEL_ACCESS: "to",
+    TimeOwner.REPEATS: "to",
+    TimeOwner.LATE_TICK: "from",
+}

@@ -1,0 +1,348 @@
+"""Makes the history of a robot from its mind: its provenance log, and a look at the node after each call.
+
+The mind is the twin that a replay drives, or a node of a simulated run. Its configuration needs the listener's `log` as
+provenance log, and a witness, of whatever kind: without one a node does not tell which frames it hands to its radio.
+The listener changes nothing in the node.
+"""
+
+from typing import Any, Protocol
+
+from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
+from rmr.bytecode.program import Program
+from rmr.coord.events import ScheduleChanged
+from rmr.node import payloads
+from rmr.node.actions.dispatcher import Dispatcher
+from rmr.node.config import NodeConfig
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.driver import Driver
+from rmr.node.logic.exchange import DeliveryProgress, Stage
+from rmr.node.payloads import PayloadKind, WireError
+from rmr.node.peers.perception import Peers
+from rmr.node.ports import Spoken
+from rmr.node.services import RobotServices
+from rmr.node.standstill import Motion, MotionState, motion_state
+from rmr.node.trace import Trace, fact_text, rule_text
+from rmr.vm.machine_events import FinishSeen, JobFinished, JobMissed, JobStarted
+from rmr.vm.provenance import (
+    ActionRecord,
+    ActionStage,
+    Cause,
+    DeliveredCause,
+    EffectCause,
+    FiringCause,
+    FiringRecord,
+    HandlerCause,
+    InsertionRecord,
+    MissedCause,
+    ProvenanceLog,
+    ProvenanceRecord,
+    RemovalRecord,
+    SendingRecord,
+    SendRecord,
+    SensedCause,
+    StepCause,
+    ToldRecord,
+)
+from rmr.why.robot_history import (
+    ActionSpan,
+    CauseKind,
+    Change,
+    DeliveryKey,
+    DeliverySpan,
+    EventCause,
+    KnownOrder,
+    PassageSpan,
+    RobotHistory,
+    TimedFiring,
+)
+
+LATE: Duration = NS_PER_S // TICK_HZ
+"""A call that comes later than it was due by more than a frame is late."""
+_GIVEN = EventCause(CauseKind.GIVEN)
+
+
+class WatchedNode(Protocol):
+    """What the listener looks at: `rmr.node.node.Node`."""
+
+    config: NodeConfig
+    next_wake: Instant
+    driver: Driver | None
+    peers: Peers
+    notes: Trace
+    actions: Dispatcher
+    crossings: Crossings
+    services: RobotServices
+
+
+class HistoryListener:
+    """Builds the history of one robot.
+
+    Call `begin` before a node of the robot is made, `born` after its start, `called` after each tick, `touched` after
+    any other call, and `died` when its process ends; `ended` at the end of the run.
+    """
+
+    def __init__(self, robot: int, program: Program) -> None:
+        self.history = RobotHistory(robot)
+        self._robot = robot
+        self._program = program
+        self._order = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin with a new incarnation: its node writes the `log` that stands here from now on."""
+        self.log = ProvenanceLog()
+        self._first_firing = len(self.history.firings)
+        self._handles = 0
+        self._due: Instant = NEVER
+        self._called: Instant = 0
+        self._sets_out: Instant | None = None
+        self._last_entry: dict[str, Any] | None = None
+        self._facts: dict[int, int] = {}
+        """Serial of an insertion -> its index among the changes."""
+        self._actions: dict[int, int] = {}
+        """Serial of an action of this robot -> its index."""
+        self._sends: dict[int, EventCause] = {}
+        """Identity of an event that has to be sent -> its cause."""
+        self._sending = _GIVEN
+        self._seen: tuple[int, EventCause] = 0, _GIVEN
+        """Identity and cause of the newest report that another robot's finish fact has come."""
+        self._accepted: DeliveryKey | None = None
+        self._ended: int | None = None
+        self._groups: dict[bytes, str] = {}
+        self._inside: dict[str, Instant] = {}
+
+    # -- the life of a process --------------------------------------------------------------------------------
+
+    def born(self, node: WatchedNode, now: Instant) -> None:
+        """Note that a process of the robot has begun, and its node was started."""
+        self.history.lives.append((now, NEVER))
+        self.called(node, now)
+
+    def died(self, now: Instant) -> None:
+        """Note that the process has ended."""
+        history = self.history
+        begin, _ = history.lives[-1]
+        history.lives[-1] = (begin, now)
+        history.motion.append((now, MotionState(Motion.IDLE)))
+        for group in list(self._inside):
+            self._leave(group, now)
+        for index in self._actions.values():
+            span = history.actions[index]
+            span.ended = min(span.ended, now)
+
+    def ended(self, now: Instant) -> None:
+        """Note that the run is over."""
+        self.history.ends = now
+        for group in list(self._inside):
+            self._leave(group, NEVER)
+
+    # -- after each call --------------------------------------------------------------------------------------
+
+    def touched(self, node: WatchedNode) -> None:
+        """Take in a call that was none of the executive: a frame overheard, a fact inserted."""
+        self._take_records(node)
+        self._due = node.next_wake
+
+    def called(self, node: WatchedNode, now: Instant) -> None:
+        """Look at the node after a call at `now`."""
+        history = self.history
+        history.ends = max(history.ends, now)
+        due = max(self._due, self._called)
+        if due < NEVER and now - due > LATE:
+            history.late.append((due, now))
+        self._called = now
+        self._due = node.next_wake
+        self._take_records(node)
+        self._take_notes(node, now)
+        self._take_waits(node, now)
+        drive = node.actions.driving
+        since = None if drive is None else drive.started
+        self._take_motion(now, motion_state(now, node.driver, node.peers, self._robot, node.config.roster, since))
+
+    def _take_motion(self, now: Instant, state: MotionState | None) -> None:
+        """Take in what the wheels do. Between a drive's beginning and its first frame they do what that frame finds."""
+        states = self.history.motion
+        idle = not states or states[-1][1].motion is Motion.IDLE
+        if state is None:
+            self._sets_out = now if idle and self._sets_out is None else self._sets_out
+            return
+        if not states or states[-1][1] != state:
+            states.append((now if self._sets_out is None else self._sets_out, state))
+        self._sets_out = None
+
+    def _take_notes(self, node: WatchedNode, now: Instant) -> None:
+        """Take in the new entries of the trace."""
+        entries = node.notes.entries
+        first = len(entries)
+        while first > 0 and entries[first - 1] is not self._last_entry:
+            first -= 1
+        for entry in entries[first:]:
+            if entry["what"] == "entered":
+                self._leave(entry["event"], now)
+                self._inside[entry["event"]] = now
+            elif entry["what"] in ("left", "slot_lost"):
+                self._leave(entry["event"], now)
+            elif entry["what"] == "asks" and node.crossings.current is not None:
+                self._leave(node.crossings.current.job.event, now)
+            elif entry["what"] == "sent":
+                self._name_sent(entry)
+        if entries:
+            self._last_entry = entries[-1]
+
+    def _leave(self, group: str, now: Instant) -> None:
+        entered = self._inside.pop(group, None)
+        if entered is not None:
+            self.history.passages.append(PassageSpan(group, entered, now))
+
+    def _name_sent(self, entry: dict[str, Any]) -> None:
+        """Give the oldest delivery to a robot that has no text yet its text."""
+        for span in self.history.sent.values():
+            if not span.text and span.key[1] == entry["destination"]:
+                span.text = entry["fact"]
+                return
+
+    def _take_waits(self, node: WatchedNode, now: Instant) -> None:
+        """Note which actions wait, and for what."""
+        for waiting, what in ((node.actions.held, "held"), (node.actions.queue, "queued"), (node.actions.running, "")):
+            for running in waiting:
+                index = self._actions.get(running.serial)
+                if index is None:
+                    continue
+                span = self.history.actions[index]
+                crossing = node.crossings.crossing(running)
+                span.gated_by = None if crossing is None else crossing.job.event
+                if what and (not span.waits or span.waits[-1][1] != what):
+                    span.waits.append((now, what))
+
+    # -- the provenance log -----------------------------------------------------------------------------------
+
+    def _take_records(self, node: WatchedNode) -> None:
+        for record in self.log.records:
+            self._order += 1
+            self._take(record, node)
+        self.log.records.clear()
+
+    def _take(self, record: ProvenanceRecord, node: WatchedNode) -> None:
+        changes = self.history.changes
+        match record:
+            case FiringRecord(at=at, rule=rule):
+                inner = [serial for chain in record.derived for serial in chain.inner]
+                premises = [self._facts[serial] for serial in record.matched or inner if serial in self._facts]
+                text = rule_text(self._program, rule)
+                self.history.firings.append(TimedFiring(at, self._order, rule, text, tuple(premises)))
+            case InsertionRecord(at, serial, predicate, args, cause):
+                self._facts[serial] = len(changes)
+                text = fact_text(self._program, predicate, self._robot, args)
+                changes.append(Change(at, self._order, predicate, args, True, self._cause(cause), text))
+            case RemovalRecord(at, serial, cause):
+                if serial in self._facts:
+                    gone = changes[self._facts[serial]]
+                    changes.append(gone._replace(at=at, order=self._order, came=False, cause=self._cause(cause)))
+            case ActionRecord() | ActionStage():
+                self._take_action(record, node)
+            case SendRecord(event=event, cause=cause):
+                self._sends[event] = self._cause(cause)
+            case SendingRecord(event=event):
+                self._sending = self._sends.pop(event, self._seen[1] if event == self._seen[0] else self._context())
+            case ToldRecord(at, event):
+                self._told(at, event, node)
+
+    def _take_action(self, record: ActionRecord | ActionStage, node: WatchedNode) -> None:
+        actions = self.history.actions
+        if isinstance(record, ActionRecord):
+            if record.executor == self._robot:
+                name = self._program.predicates[record.predicate].name
+                text = fact_text(self._program, record.predicate, self._robot, record.args)
+                self._actions[record.serial] = len(actions)
+                wheels = node.services.handler(name).wheels
+                actions.append(ActionSpan(name, text, record.at, self._order, self._cause(record.cause), wheels))
+            return
+        index = self._actions.get(record.serial)
+        if index is None:
+            return
+        if record.stage == "begun":
+            actions[index].started = record.at
+        elif record.stage == "ended":
+            actions[index].ended = record.at
+            actions[index].failure = record.words
+            self._ended = index
+
+    def _cause(self, cause: Cause) -> EventCause:
+        """Return a cause of the log as one of the history."""
+        match cause:
+            case FiringCause(number=number):
+                return EventCause(CauseKind.FIRING, self._first_firing + number - 1)
+            case DeliveredCause(source, epoch, sequence):
+                return EventCause(CauseKind.DELIVERY, key=(source, self._robot, epoch, sequence))
+            case EffectCause(action=serial) | StepCause(action=serial) | HandlerCause(action=serial):
+                if serial in self._actions:
+                    return EventCause(CauseKind.ACTION, self._actions[serial])
+                # Of another robot's action: the report of its end has just arrived.
+                return EventCause(CauseKind.DELIVERY, key=self._accepted)
+            case SensedCause():
+                return EventCause(CauseKind.SENSED)
+            case MissedCause():
+                return EventCause(CauseKind.MISSED)
+        return _GIVEN
+
+    def _context(self) -> EventCause:
+        """Return what has just happened, of which a message of the host's own is a consequence."""
+        return _GIVEN if self._ended is None else EventCause(CauseKind.ACTION, self._ended)
+
+    # -- what the node has told -------------------------------------------------------------------------------
+
+    def _told(self, now: Instant, event: object, node: WatchedNode) -> None:
+        match event:
+            case JobStarted() | JobFinished() | JobMissed():
+                self._job(now, event, node)
+            case FinishSeen(assertion=assertion, args=args):
+                self._seen = id(event), self._finish_cause(assertion, args)
+            case DeliveryProgress():
+                self._progress(now, event)
+            case Spoken():
+                self._spoken(now, event)
+            case ScheduleChanged(group_id=group_id, leader=leader, order=order):
+                group = self._groups.get(group_id, group_id.hex())
+                self.history.orders.append(KnownOrder(now, group, leader, order))
+
+    def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:
+        jobs = self.history.jobs
+        self._groups[node.crossings.group_of(event.job)] = event.job.event
+        known = [index for index, (job, _) in enumerate(jobs) if job is event.job]
+        if not known:
+            jobs.append((event.job, None))
+        if isinstance(event, JobFinished):
+            jobs[known[-1] if known else -1] = (event.job, now)
+
+    def _finish_cause(self, assertion: int, args: tuple[Any, ...]) -> EventCause:
+        """Return the fact of this robot that ends a job of another one."""
+        wanted = self._program.assertions[assertion].finish.predicate
+        changes = self.history.changes
+        for index in range(len(changes) - 1, -1, -1):
+            if changes[index].came and changes[index].predicate == wanted and changes[index].args == args:
+                return EventCause(CauseKind.GIVEN, index)
+        return _GIVEN
+
+    def _progress(self, now: Instant, event: DeliveryProgress) -> None:
+        if event.stage is Stage.ACCEPTED:
+            self._accepted = (event.peer, self._robot, event.epoch, event.sequence)
+            self.history.received.setdefault(self._accepted, (now, self._order))
+            return
+        key = (self._robot, event.peer, event.epoch, event.sequence)
+        if event.stage is Stage.BEGUN:
+            self.history.sent[key] = DeliverySpan(key, now, self._order, self._sending)
+        elif event.stage is Stage.GIVEN_UP and key in self.history.sent:
+            self.history.sent[key].given_up = now
+
+    def _spoken(self, now: Instant, event: Spoken) -> None:
+        self._handles += 1
+        payload = event.payload
+        if event.destination is None or not payload or payload[0] not in (PayloadKind.FACT, PayloadKind.FRAGMENT):
+            return
+        try:
+            frame = payloads.decode_fact_frame(payload)
+        except WireError:
+            return
+        span = self.history.sent.get((self._robot, event.destination, frame.epoch, frame.sequence))
+        if span is not None:
+            span.transmissions.append((now, event.handle or self._handles))

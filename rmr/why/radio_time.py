@@ -1,0 +1,70 @@
+"""The time of a delivery on its way: radio queue, channel access, repeats, and the receiver's tick.
+
+With the frames on the air (`/frames` of a recording) each transmission is known. Without them the instants at which the
+sender handed the delivery to its radio must do: then what the queue took counts as channel access.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rmr.base.time import Instant
+from rmr.why.delay_owner import TimeOwner
+from rmr.why.robot_history import DeliverySpan
+
+
+class Attempt(NamedTuple):
+    """One transmission on the air."""
+
+    start: Instant
+    end: Instant
+
+
+Attempts = Mapping[tuple[int, int], list[Attempt]]
+"""By sender and handle, in order; the handle is counted anew in each incarnation, the newest one's stand last."""
+
+
+class RadioPart(NamedTuple):
+    """A part of a delivery's time."""
+
+    begin: Instant
+    owner: TimeOwner
+
+
+def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[RadioPart]:
+    """Return the parts of a delivery that arrived, or was still under way, at `end`: from when on each owner has it."""
+    handed = [at for at, _ in span.transmissions if at < end]
+    parts = [RadioPart(span.begun, TimeOwner.RADIO_QUEUE)]
+    if not handed:
+        return parts
+    tries = sorted(
+        attempt
+        for at, handle in span.transmissions
+        for attempt in attempts.get((span.key[0], handle), ())
+        if at <= attempt.start and attempt.end <= end
+    )
+    if not tries:
+        parts.append(RadioPart(handed[0], TimeOwner.CHANNEL_ACCESS))
+        if len(handed) > 1:
+            parts.append(RadioPart(handed[1], TimeOwner.REPEATS))
+        return parts
+    parts.append(
+        RadioPart(
+            max(handed[0], _idle_from(span.key[0], tries[0].start, handed[0], attempts)), TimeOwner.CHANNEL_ACCESS
+        )
+    )
+    if len(tries) > 1:
+        parts.append(RadioPart(tries[0].end, TimeOwner.REPEATS))
+    parts.append(RadioPart(tries[-1].end, TimeOwner.LATE_TICK))
+    return parts
+
+
+def _idle_from(source: int, before: Instant, since: Instant, attempts: Attempts) -> Instant:
+    """Return when the sender's radio was done with what stood before a frame that began at `before`."""
+    ends = [
+        attempt.end
+        for (sender, _), tries in attempts.items()
+        if sender == source
+        for attempt in tries
+        if since < attempt.end <= before
+    ]
+    return max(ends, default=since)

@@ -1,0 +1,63 @@
+"""Recorded runs whose delays are explained, and the property that holds of every explanation."""
+
+import contextlib
+import io
+import json
+from collections import Counter
+from pathlib import Path
+
+from rmr.record.recording import open_recording
+from rmr.why.critical_path import Delay, explained
+from rmr.why.delay_owner import TimeOwner
+from rmr.why.delay_source import RunHistory, run_history
+from rmr.why.missed_jobs import is_missed, missed_delays
+from rmr_sim.main import main as simulate
+
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
+RUSH = LABS / "testbed" / "rush.yaml"
+
+
+def recorded(lab: Path, folder: Path, *words: str) -> RunHistory:
+    """Record a run of `lab` in `folder` and replay it."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        simulate([str(lab), *words, "--run", str(folder)])
+    with open_recording(folder) as recording:
+        run = run_history(recording)
+    assert run.problems == ()
+    return run
+
+
+def check_exact(delay: Delay) -> None:
+    """Check that the intervals of `delay` cover its time without gap or overlap, and that each has an owner."""
+    at = delay.job.start
+    for interval in delay.intervals:
+        assert interval.begin == at, interval
+        assert interval.end > interval.begin, interval
+        assert interval.owner is not TimeOwner.UNKNOWN, (delay.robot, interval)
+        at = interval.end
+    assert at == delay.end
+    late = sum(each.duration for each in delay.intervals if each.begin >= delay.job.deadline)
+    assert late == max(0, delay.end - delay.job.deadline)
+
+
+def check_run(folder: Path, run: RunHistory) -> Counter[TimeOwner]:
+    """Check all jobs of a run, and its missed deadlines against the report; return the nanoseconds of each owner."""
+    owners: Counter[TimeOwner] = Counter()
+    for robot, history in run.robots.items():
+        for job, _ in history.jobs:
+            delay = explained(run.robots, run.program, run.attempts, robot, job)
+            check_exact(delay)
+            if is_missed(history, job):
+                owners.update({each.owner: 0 for each in delay.intervals})
+                for each in delay.intervals:
+                    owners[each.owner] += each.duration
+    report = json.loads((folder / "report.json").read_text())
+    reported = {
+        (int(robot), job["name"], job["start_s"])
+        for robot, part in report["robots"].items()
+        for job in part["assertions"]
+        if job["met"] is False
+    }
+    missed = {(d.robot, d.job.name, round(d.job.start / 1e9, 3)) for d in missed_delays(run) if d.job.missed}
+    assert missed == reported
+    return owners

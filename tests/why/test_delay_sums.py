@@ -1,0 +1,45 @@
+"""The intervals of an explained delay sum exactly to the job's time, whatever happened in the run."""
+
+import pytest
+from delay_runs import LABS, RUSH, check_run, recorded
+
+from rmr.why.delay_owner import TimeOwner
+
+LAB_FOLDERS = ("corridor", "twoway", "hall", "testbed", "formation")
+
+
+def rush(folder, seed, *words):
+    return check_run(folder / str(seed), recorded(RUSH, folder / str(seed), "--seed", str(seed), *words))
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_intervals_of_deadlines_of_which_not_all_can_be_met_sum_exactly(tmp_path, seed):
+    rush(tmp_path, seed)
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_intervals_sum_exactly_under_faults_and_restarts(tmp_path, seed):
+    rush(tmp_path, seed, "--chaos")
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("lab", ["corridor", "twoway", "formation"])
+def test_intervals_sum_exactly_in_the_provided_labs_under_faults(tmp_path, lab):
+    check_run(tmp_path / "run", recorded(LABS / lab, tmp_path / "run", "--seed", "1", "--chaos"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(1001, 1201, 10))
+def test_intervals_of_two_hundred_runs_of_the_rush_sum_exactly(tmp_path, first):
+    owners = [rush(tmp_path, seed) for seed in range(first, first + 10)]
+    assert any(owners), "no deadline was missed in ten runs"
+    assert all(TimeOwner.UNKNOWN not in each for each in owners)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lab", LAB_FOLDERS)
+@pytest.mark.parametrize("seed", range(201, 206))
+def test_intervals_sum_exactly_in_all_provided_labs_under_faults(tmp_path, lab, seed):
+    check_run(tmp_path / "run", recorded(LABS / lab, tmp_path / "run", "--seed", str(seed), "--chaos"))

@@ -1,0 +1,23 @@
+"""The line at the end of a run with missed deadlines: the command that explains them."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def missed_hint(report: Mapping[str, Any], recording: Path) -> list[str]:
+    """Return the line to print for a run with this report, which was recorded in a folder or a file; or no line."""
+    missed = [
+        (job["deadline_s"], int(robot), job["name"])
+        for robot, part in report["robots"].items()
+        for job in part.get("assertions", ())
+        if job["met"] is False
+    ]
+    if not missed:
+        return []
+    command = f"rmr why {shlex.quote(str(recording))} --missed"
+    _, robot, name = min(missed)
+    if len(missed) == 1:
+        return [f"why a deadline was missed: {command} {name}@{robot}"]
+    return [f"why {len(missed)} deadlines were missed: {command}; of one: {command} {name}@{robot}"]
