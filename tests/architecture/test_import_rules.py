@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "rmr_lab": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr_world", "rmr_sim"},
     "rmr_deploy": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
-    "rmr_view": {"rmr.entry"},
+    "rmr_view": {"rmr.base", "rmr.coord", "rmr.entry"},
 }
 """Part -> the other parts that it may import."""
 
