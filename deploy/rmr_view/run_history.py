@@ -11,7 +11,7 @@ from math import isnan, nan
 from threading import Lock
 from typing import Any
 
-from rmr_view.timeline import Timeline
+from rmr_view.turn_intervals import TurnIntervals
 
 SAMPLES_MAX = 36_000
 """Samples of each robot's track: one hour at 10 Hz. Every second sample of the older half goes when there are more."""
@@ -123,7 +123,7 @@ class RunHistory:
         self._truth = PoseTracks(robots)
         self._estimates = {robot: PoseTracks([robot]) for robot in robots}
         self._logs = {"trace": EntryLog(), "frames": EntryLog(), "log": EntryLog()}
-        self._timeline = Timeline()
+        self._timeline = TurnIntervals(robots)
         self._newest: tuple[float, dict[int, Triple]] = (-1.0, {})
         self._guessed: dict[int, Triple] = {}
 
@@ -154,7 +154,7 @@ class RunHistory:
             self._logs[kind].add(entries)
             if kind == "trace":
                 for entry in entries:
-                    self._timeline.take(entry)
+                    self._timeline.add(entry)
 
     def add_fault(self, fault: dict[str, Any]) -> None:
         """Take in a fault as the report lists it."""
@@ -190,7 +190,7 @@ class RunHistory:
     def timeline(self, now: float) -> dict[str, Any]:
         """Return the answer to `/api/timeline`; intervals under way end at `now`."""
         with self._lock:
-            return self._timeline.as_data(self.robots, now)
+            return self._timeline.timeline(now)
 
     def count(self, kind: str) -> int:
         """Return the number of entries of `kind` so far."""

@@ -40,7 +40,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "rmr_lab": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr_world", "rmr_sim"},
     "rmr_deploy": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
-    "rmr_view": {"rmr.base", "rmr.entry", "rmr.radio", "rmr_sim", "rmr_world"},
+    "rmr_view": {
+        "rmr.base",
+        "rmr.bus",
+        "rmr.coord",
+        "rmr.entry",
+        "rmr.radio",
+        "rmr_deploy",
+        "rmr_sim",
+        "rmr_world",
+    },
 }
 """Part -> the other parts that it may import."""
 
