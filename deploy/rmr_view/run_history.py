@@ -20,6 +20,11 @@ POINTS_MAX = 60_000
 KEPT_MAX = 200_000
 """Entries of one kind: some 100 MB. The oldest half goes when there are more."""
 
+STATUSES_MAX = 10_000
+"""States, and routes, of each robot that are kept at most; the oldest half goes when there are more."""
+KINDS = ("trace", "frames", "log", "routes")
+"""Kinds of entries."""
+
 Triple = tuple[float, float, float]
 """x and y in metres, heading in radians."""
 
@@ -122,7 +127,11 @@ class RunHistory:
         self.robots = tuple(robots)
         self._truth = PoseTracks(robots)
         self._estimates = {robot: PoseTracks([robot]) for robot in robots}
-        self._logs = {"trace": EntryLog(), "frames": EntryLog(), "log": EntryLog()}
+        self._logs = {kind: EntryLog() for kind in KINDS}
+        self._routes: dict[int, list[dict[str, Any]]] = {}
+        self._statuses: dict[int, list[tuple[float, dict[str, Any]]]] = {}
+        self.malformed = 0
+        """Number of messages of a recording that are none of rmr's."""
         self._timeline = TurnIntervals(robots)
         self._newest: tuple[float, dict[int, Triple]] = (-1.0, {})
         self._guessed: dict[int, Triple] = {}
@@ -155,6 +164,20 @@ class RunHistory:
             if kind == "trace":
                 for entry in entries:
                     self._timeline.add(entry)
+            elif kind == "routes":
+                for entry in entries:
+                    _append(self._routes.setdefault(entry["robot"], []), entry)
+
+    def add_trace(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Take in entries of the trace for the timeline alone."""
+        with self._lock:
+            for entry in entries:
+                self._timeline.add(entry)
+
+    def add_status(self, t: float, robot: int, status: dict[str, Any]) -> None:
+        """Take in the state of a robot."""
+        with self._lock:
+            _append(self._statuses.setdefault(robot, []), (t, status))
 
     def add_fault(self, fault: dict[str, Any]) -> None:
         """Take in a fault as the report lists it."""
@@ -174,6 +197,20 @@ class RunHistory:
         with self._lock:
             tracks = self._estimates.get(robot)
             return self._truth.at(robot, t), None if tracks is None else tracks.at(robot, t)
+
+    def route(self, robot: int, t: float) -> list[list[float]] | None:
+        """Return the points of the route that `robot` followed at `t`; None if there was none."""
+        with self._lock:
+            routes = self._routes.get(robot, [])
+            index = bisect_right(routes, t, key=lambda entry: float(entry["t"])) - 1
+            return routes[index]["points"] or None if index >= 0 else None
+
+    def status(self, robot: int, t: float) -> dict[str, Any]:
+        """Return the state of `robot` at `t`; empty if it is unknown."""
+        with self._lock:
+            statuses = self._statuses.get(robot, [])
+            index = bisect_right(statuses, t, key=lambda pair: pair[0]) - 1
+            return statuses[index][1] if index >= 0 else {}
 
     def poses(self, begin: float, end: float) -> dict[str, Any]:
         """Return the answer to `/api/poses`: `POINTS_MAX` poses at most; `step` is 1 if no sample was left out."""
@@ -211,3 +248,9 @@ class RunHistory:
         """Return the number of entries of `kind` that are no longer kept."""
         with self._lock:
             return self._logs[kind].dropped
+
+
+def _append(entries: list[Any], entry: Any) -> None:
+    entries.append(entry)
+    if len(entries) > STATUSES_MAX:
+        del entries[: STATUSES_MAX // 2]

@@ -2,7 +2,7 @@
 
     GET  /  /static/...                          the page: files of the folder `page`
     GET  /api/run  /api/poses  /api/timeline     what there is to see
-    GET  /api/trace  /api/frames  /api/log       entries
+    GET  /api/trace /frames /log /routes         entries
     GET  /api/robot/ID  /api/why                 one robot's mind
     WS   /ws                                     what is new, as it comes
     POST /api/control                            orders
@@ -123,6 +123,7 @@ class RunRoutes:
             Route("/api/trace", told(self._entries)),
             Route("/api/frames", told(self._entries)),
             Route("/api/log", told(self._entries)),
+            Route("/api/routes", told(self._entries)),
             Route("/api/robot/{robot}", told(self._robot)),
             Route("/api/why", told(self._why)),
             Route("/api/control", told(self._control), methods=["POST"]),
