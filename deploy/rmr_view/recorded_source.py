@@ -16,6 +16,7 @@ from rmr.base.time import in_seconds, seconds
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
 from rmr.record.run_files import FLOOR, PATHS_NAME, REPORT, SOURCE
+from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import entry_of, take
 from rmr_view.run_history import RunHistory
 from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
@@ -41,6 +42,7 @@ class RecordedSource:
         self._begin_s, self._end_s = map(in_seconds, self._recording.span)
         self._report = self._json(REPORT)
         self._floor = self._json(FLOOR)
+        self._minds = MindWorker(path)
         self._loading: asyncio.Task[None] | None = None
         self.history = RunHistory(about.roster)
 
@@ -138,19 +140,16 @@ class RecordedSource:
         return {
             "robot": robot,
             "t": at,
-            "facts": [],
-            "goals": {"achieved": [], "open": []},
-            "fired": [],
-            "actions": [],
+            **await self._minds.state(robot, at),
             "route": self.history.route(robot, at),
             "pose": truth,
             "estimate": estimate,
-            "queue": status.get("queue"),
+            **status,
         }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:  # noqa: ARG002
+    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
         """Return the explanation of a fact."""
-        raise RefusedError(f"why {fact!r:.60} of robot {robot}: not yet", 501)
+        return await self._minds.why(robot, fact, t)
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""
@@ -161,6 +160,7 @@ class RecordedSource:
         if self._loading is not None:
             await asyncio.wait([self._loading])
         self._recording.close()
+        self._minds.close()
 
 
 __all__ = ["RecordedSource", "RecordingError"]

@@ -15,6 +15,8 @@ from rmr_view.turn_intervals import TurnIntervals
 
 SAMPLES_MAX = 36_000
 """Samples of each robot's track: one hour at 10 Hz. Every second sample of the older half goes when there are more."""
+GAP_S = 0.05
+"""Least distance of a late sample from those before and after it: half of the period of samples."""
 POINTS_MAX = 60_000
 """Poses in one answer, over all robots: about 1.5 MB of JSON. Of more, every n-th sample is sent."""
 KEPT_MAX = 200_000
@@ -76,8 +78,9 @@ class PoseTracks:
         return self._t[-1] if self._t else -1.0
 
     def add(self, t: float, poses: Mapping[int, Triple]) -> None:
-        """Append a sample of those robots whose pose is known; one that is not newer is left out."""
+        """Add a sample of those robots whose pose is known, unless there is one at about that instant."""
         if t <= self.end:
+            self._fill(t, poses)
             return
         self._t.append(t)
         for robot, columns in self._columns.items():
@@ -85,6 +88,18 @@ class PoseTracks:
                 column.append(value)
         if len(self._t) > SAMPLES_MAX:
             self._thin()
+
+    def _fill(self, t: float, poses: Mapping[int, Triple]) -> None:
+        """Insert a sample that has come late into a gap."""
+        index = bisect_left(self._t, t)
+        after = self._t[index] - t
+        before = t - self._t[index - 1] if index else GAP_S
+        if min(after, before) < GAP_S:
+            return
+        self._t.insert(index, t)
+        for robot, columns in self._columns.items():
+            for column, value in zip(columns, poses.get(robot, (nan, nan, nan)), strict=True):
+                column.insert(index, value)
 
     def _thin(self) -> None:
         half = len(self._t) // 2
