@@ -180,6 +180,8 @@ class Incarnation:
         self.link.overhear = self.node.overhear
         approach.foresee(config.arena)
         self.started = False
+        self.after_turn: Callable[[Instant], None] | None = None
+        """Called after each turn with the instant of the node's last call, where the robot is recorded."""
         self.turns = 0
         """How often the node has been called."""
 
@@ -256,6 +258,8 @@ class Incarnation:
             self._wakes = NEVER
         try:
             self._advance()
+            if self.after_turn is not None and self.started:
+                self.after_turn(self.node.now)
         except (Exception, SystemExit) as error:  # an action that calls exit() does not take the report with it
             self._fail(error)
             return

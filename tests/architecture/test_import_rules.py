@@ -22,7 +22,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
     "rmr.mind": {"rmr.base", "rmr.bytecode", "rmr.coord", "rmr.node", "rmr.radio", "rmr.record", "rmr.vm"},
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
-    "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio"},
+    "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio", "rmr.record"},
     "rmr.record": {"rmr.base"},
     "rmr.entry": set(),
     "rmr.cli": {"rmr.commands", "rmr.entry"},
