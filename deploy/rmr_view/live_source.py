@@ -33,7 +33,7 @@ from rmr_view.mind_worker import MindWorker
 from rmr_view.program_text import program_of
 from rmr_view.recorded_messages import take
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import REPORT_FILE
@@ -219,9 +219,9 @@ class LiveSource:
             **self.history.status(robot, at),
         }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""
-        return await self._minds.why(robot, fact, t)
+        return await self._minds.why(robot, fact, t, options)
 
     # --- orders ---
 

@@ -145,7 +145,7 @@ class MindTwins:
 
     def __init__(self, path: Path) -> None:
         """`path` is a run folder or a recording. Raises RecordingError."""
-        self._recording: Recording = _opened(path)
+        self._recording: Recording = opened(path)
         self._robots: dict[int, RobotTwins] = {}
         self._program = program_of(self._recording)
 
@@ -189,7 +189,8 @@ class MindTwins:
             known.problem = f"what it knew cannot be replayed: {error}"
 
 
-def _opened(path: Path) -> Recording:
+def opened(path: Path) -> Recording:
+    """Return the recording at `path`, which may still grow. Raises RecordingError."""
     if path.is_dir() and not (path / RUN_FILE).exists() and part_files(path):
         return GrowingRecording(path)
     return open_recording(path)

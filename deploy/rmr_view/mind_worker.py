@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.entry.workers import end_with_parent
-from rmr_view.run_source import RefusedError
+from rmr_view.run_source import RefusedError, WhyOptions
 
 PATIENCE_S = 120.0
 """Limit for one answer: replay takes about a hundredth of the run's time per robot."""
@@ -33,9 +33,9 @@ class MindWorker:
         """Return what `robot` knew and did at `t`. Raises RefusedError."""
         return await self._run(_state, robot, t)
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact of `robot` as of `t`. Raises RefusedError."""
-        return await self._run(_why, robot, fact, t)
+        return await self._run(_why, robot, fact, t, options)
 
     async def _run(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
         if self._pool is None:
@@ -88,5 +88,37 @@ def _state(path: Path, robot: int, t: float | None) -> dict[str, Any]:
     return state
 
 
-def _why(path: Path, robot: int, fact: str, t: float | None) -> dict[str, Any]:
-    return {"refused": f"why {fact!r:.60} of robot {robot} at {t}, {path}: not yet", "status": 501}
+_pasts: dict[Path, Any] = {}
+"""The explained minds of the runs that are over, by path."""
+
+
+def _why(path: Path, robot: int, question_text: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
+    from rmr.base.time import seconds  # noqa: PLC0415 - the server does not need them
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
+    from rmr.why.absence import why_not  # noqa: PLC0415
+    from rmr.why.past import Past  # noqa: PLC0415
+    from rmr.why.question import WhyError, question  # noqa: PLC0415
+    from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError  # noqa: PLC0415
+    from rmr.why.why_answer import why  # noqa: PLC0415
+    from rmr_view.mind_twins import opened  # noqa: PLC0415
+
+    try:
+        past = _pasts.get(path)
+        if past is None:
+            recording = opened(path)
+            past = Past(ReplayedHistories(recording))
+            if recording.complete:
+                _pasts[path] = past
+        asked = question(question_text, past.program, list(past.robots), robot)
+        at = None if t is None else seconds(t)
+        answer = (
+            why_not(past, asked, at, options.depth)
+            if options.absent
+            else why(past, asked, at, options.depth, options.more)
+        )
+    except WhyError as error:
+        return {"refused": str(error), "status": 400}
+    except (RecordingError, UnexplainableError) as error:
+        return {"refused": str(error), "status": 501}
+    told: dict[str, Any] = answer.as_data() | {"problems": list(past.source.problems)}
+    return told

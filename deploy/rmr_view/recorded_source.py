@@ -19,7 +19,7 @@ from rmr.record.run_files import FLOOR, PATHS_NAME, REPORT, SOURCE
 from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import entry_of, take
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 
 KEPT_TOPICS = ("/tf", "/tf_estimates", "/routes", "/status", "/faults")
 """Channels that are read once and kept."""
@@ -147,9 +147,9 @@ class RecordedSource:
             **status,
         }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""
-        return await self._minds.why(robot, fact, t)
+        return await self._minds.why(robot, fact, t, options)
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""

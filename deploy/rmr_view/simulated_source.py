@@ -20,7 +20,7 @@ from rmr_view.fact_fold import robot_at
 from rmr_view.recorded_messages import FAULT_KEYS, take
 from rmr_view.run_history import RunHistory, Triple
 from rmr_view.run_pacer import RunPacer
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 from rmr_world.faults import fault_entry
 
 POSE_PERIOD = NS_PER_S // 10
@@ -198,7 +198,7 @@ class SimulatedSource:
             "estimate": None if pose is None else tuple(pose),
         }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:  # noqa: ARG002
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:  # noqa: ARG002
         """Refuse: an explanation needs a recording."""
         raise RefusedError(f"why {fact!r:.60} of robot {robot}: this run has no recording to explain it from", 501)
 

@@ -27,7 +27,7 @@ class MindHistory(Protocol):
         """In the order in which things happened."""
 
 
-class MindSource(Protocol):
+class HistorySource(Protocol):
     """The histories of a run."""
 
     @property

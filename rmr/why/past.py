@@ -5,14 +5,14 @@ from collections.abc import Iterator, Sequence
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
 from rmr.vm.provenance import DeliveredCause
-from rmr.why.mind_history import MindSource
+from rmr.why.mind_history import HistorySource
 from rmr.why.mind_index import MindIndex, PastItem, PastSend
 
 
 class Past:
     """The minds of a run."""
 
-    def __init__(self, source: MindSource) -> None:
+    def __init__(self, source: HistorySource) -> None:
         self.source = source
         self._minds: dict[int, list[MindIndex]] = {}
 
