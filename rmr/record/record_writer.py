@@ -54,6 +54,8 @@ class RecordWriter:
         """Why the recording ended early, as a sentence; None while all is well."""
         self.count = 0
         """Number of messages written."""
+        self.tap: Callable[[str, Instant, Mapping[str, Any]], None] | None = None
+        """Called at once with each message, except for those that are encoded already."""
         self._pending: list[tuple[str, Instant, Callable[[], Content] | Content]] = []
         """Messages that are not encoded yet."""
         self._numbers: dict[str, int] = {}
@@ -98,6 +100,10 @@ class RecordWriter:
         `content` is a dict, which is not changed afterwards, its encoded octets, or a function that returns either and
         is called later.
         """
+        if self.tap is not None:
+            content = content() if callable(content) else content
+            if not isinstance(content, bytes):
+                self.tap(topic, now, content)
         if self._mcap is not None:
             self._pending.append((topic, now, content))
             if len(self._pending) >= BATCH:

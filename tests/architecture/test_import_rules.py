@@ -96,7 +96,22 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.why",
         "rmr_world",
     },
-    "rmr_view": {"rmr.entry"},
+    "rmr_view": {
+        "rmr.base",
+        "rmr.bus",
+        "rmr.bytecode",
+        "rmr.coord",
+        "rmr.entry",
+        "rmr.mind",
+        "rmr.node",
+        "rmr.radio",
+        "rmr.record",
+        "rmr.vm",
+        "rmr.why",
+        "rmr_deploy",
+        "rmr_sim",
+        "rmr_world",
+    },
 }
 """Part -> the other parts that it may import."""
 
@@ -115,7 +130,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
-    "rmr_view": {"pydantic", "matplotlib"},
+    "rmr_view": {"pydantic", "matplotlib", "starlette", "uvicorn"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
 
