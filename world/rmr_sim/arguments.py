@@ -39,6 +39,8 @@ def declare(parser: Parser) -> None:
     parser.option("--events", read=Path, metavar="FILE.py", help="your own events, instead of the lab's")
     parser.option("--run", read=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.option("--trace", read=Path, metavar="FILE", help="write what happened as JSON lines")
+    parser.option("--record", read=Path, metavar="FILE", help="the recording (default: run.mcap in the run folder)")
+    parser.flag("--no-record", help="write no recording")
     parser.flag("--json", help="the report as JSON on standard output")
     parser.flag("--strict", help="exit 4 when a deadline was missed or robots touched")
 
@@ -61,6 +63,10 @@ def check(arguments: argparse.Namespace) -> None:
         raise CommandLineError("--jobs shares the runs of a sweep: name its --seeds")
     if sweep and arguments.seed is not None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
+    if sweep and arguments.record is not None:
+        raise CommandLineError("--record is of one run; a sweep records none of its runs")
+    if arguments.record is not None and arguments.no_record:
+        raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
     if sweep and arguments.trace is not None:
         raise CommandLineError("--trace is of one run; a sweep keeps the trace of each seed that fails")
 

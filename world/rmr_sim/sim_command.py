@@ -22,11 +22,13 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 from rmr.node.trace import TraceLevel
+from rmr.record.recording import RUN_FILE
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import Row, fails, row_of
+from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
 from rmr_sim.sweep_histogram import histogram_lines
@@ -105,7 +107,10 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
     """One run."""
-    simulation = loaded.simulation(arguments.seed, TraceLevel.NOTES if arguments.trace is None else TraceLevel.FACTS)
+    recorder, simulation = _prepared(arguments, loaded, folder)
+    if arguments.record is not None and recorder is not None and recorder.writer.failure:
+        print(f"rmr sim: {recorder.writer.failure}", file=sys.stderr)
+        return ExitCode.USAGE
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
@@ -118,11 +123,17 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     finally:  # after a breakdown the trace tells what led to it
         trace = simulation.trace()
         unwritten = [] if arguments.trace is None else _attempt(partial(write_trace, trace, arguments.trace))
+        if recorder is not None and sys.exception() is not None:
+            recorder.close(None)
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     unwritten += _attempt(partial(write, report, folder))
     going_on = [] if finished else under_way(simulation)
-    for line in [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]:
+    warnings = [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]
+    if recorder is not None:
+        recorder.close(to_json(report).encode(), warnings)
+        warnings += filter(None, [recorder.writer.failure])
+    for line in warnings:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
@@ -133,6 +144,18 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     where = f"the report is {report_file}" if report_file.is_file() else "there is no report"
     print(f"{'interrupted: ' if interruption.came else ''}{took}; {where}", file=sys.stderr)
     return ExitCode.FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
+
+
+def _prepared(
+    arguments: argparse.Namespace, loaded: LoadedLab, folder: Path
+) -> tuple[SimulationRecorder | None, Simulation]:
+    """Return the run, and its recording unless none is wanted."""
+    level = TraceLevel.NOTES if arguments.trace is None else TraceLevel.FACTS
+    if arguments.no_record:
+        return None, loaded.simulation(arguments.seed, level)
+    writer = simulation_writer(loaded, arguments.seed, arguments.record or folder / RUN_FILE)
+    simulation = loaded.simulation(arguments.seed, level)
+    return SimulationRecorder(simulation, loaded, writer), simulation
 
 
 def _attempt(write_file: Callable[[], object]) -> list[str]:

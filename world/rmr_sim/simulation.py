@@ -75,6 +75,8 @@ class Simulation(RobotHost):
         """Callbacks by type of event: called with the robot, the instant and the event."""
         self.fault_records: list[FaultRecord | Disturbance] = []
         """Faults of robots and disturbances of the radio, in the order in which they became known."""
+        self.before_restart: list[Callable[[int], None]] = []
+        """Callbacks before a robot begins its next incarnation, with its id."""
         self.finished = False
         """Whether all robots held the finish fact at one tick."""
         self._stopping = False
@@ -204,6 +206,8 @@ class Simulation(RobotHost):
     def restart(self, robot: int) -> None:
         """Restart `robot`, without memory. Raises ValueError if it lives."""
         self.take_traces()
+        for call in self.before_restart:
+            call(robot)
         self._robot(robot).restart()
         self._note(robot, "restarted")
 
