@@ -13,6 +13,10 @@ LOSSES = ("no_ack", "access_failure")
 Sum = TypeVar("Sum", int, float)
 
 
+ACK = "ack"
+"""Kind of an acknowledgement; its attempt is that of the frame that it acknowledges."""
+
+
 class RadioLoad:
     """Sums per bin of time."""
 
@@ -33,7 +37,7 @@ class RadioLoad:
             on_air = self.airtime.setdefault(frame["kind"], {})
             on_air[place] = on_air.get(place, 0.0) + max(0.0, (frame["end_s"] or begin) - begin)
             self.frames += 1
-            if frame["attempt"] > 0:
+            if frame["attempt"] > 0 and frame["kind"] != ACK:
                 self._count("repeats", place)
         if frame["outcome"] in LOSSES:
             self._count(frame["outcome"], place)

@@ -3,13 +3,16 @@
 The recording may be gigabytes long, so poses are thinned out and frames are summed up while they are read.
 """
 
+import json
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from rmr.base.time import in_seconds
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.recording import Message, Recording
 from rmr_view.radio_load import RadioLoad
 from rmr_view.turn_intervals import TurnIntervals
 
@@ -17,22 +20,6 @@ TOPICS = ("/tf", "/trace", "/frames", "/faults")
 """The channels that pictures need."""
 POSES_MAX = 20_000
 """Poses kept of each robot; of more every second one is dropped, and so on."""
-
-
-class RunMessage(Protocol):
-    """A message of a recording."""
-
-    @property
-    def topic(self) -> str:
-        """The channel."""
-
-    @property
-    def at(self) -> int:
-        """Lab time, nanoseconds."""
-
-    @property
-    def data(self) -> Mapping[str, Any]:
-        """What it says."""
 
 
 class Track:
@@ -95,7 +82,17 @@ class RunData:
         return f"{self.lab}: {len(self.robots)} robots, {how}, seed {self.seed}"
 
 
-def read_run(data: RunData, messages: Iterable[RunMessage]) -> RunData:
+def run_data(recording: Recording) -> RunData:
+    """Return what is drawn of a run. Raises RecordingError when the recording holds no floor."""
+    floor = recording.attachment("floor.json")
+    if floor is None:
+        raise RecordingError("the recording holds no floor (floor.json): the file of the world is missing, or damaged")
+    about = recording.about
+    data = RunData(about.lab, about.mode, about.seed, json.loads(floor), about.roster)
+    return read_run(data, recording.messages(TOPICS))
+
+
+def read_run(data: RunData, messages: Iterable[Message]) -> RunData:
     """Fill `data`, which has lab, floor and roster, from the messages of its recording; return it."""
     turns = TurnIntervals(data.robots)
     last = 0

@@ -16,10 +16,11 @@ ROBOT_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9")
 KIND_COLOURS = {"asking": "#F0E442", "waiting": "#56B4E9", "claiming": "#CC79A7", "inside": "#009E73"}
 """Colours of what a robot does about its turn."""
 
-_THEMES = {
+THEMES = {
     "light": {"paper": "#ffffff", "ink": "#1f2328", "soft": "#59636e", "grid": "#d9dee3", "wall": "#8c959f"},
     "dark": {"paper": "#0d1117", "ink": "#f0f6fc", "soft": "#9198a1", "grid": "#30363d", "wall": "#6e7681"},
 }
+"""Colours of surfaces and texts by theme."""
 _COLOURED = """\
 .paper {{ fill: {paper} }}
 .ink {{ fill: {ink} }}
@@ -62,10 +63,10 @@ class SvgPicture:
         size = f'width="{number(self.width)}" height="{number(self.height)}"'
         box = f'viewBox="0 0 {number(self.width)} {number(self.height)}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} {box} role="img">\n<title>{escape(self._title)}</title>'
-        dark = "@media (prefers-color-scheme: dark) {\n" + _COLOURED.format(**_THEMES["dark"]) + "}\n"
+        dark = "@media (prefers-color-scheme: dark) {\n" + _COLOURED.format(**THEMES["dark"]) + "}\n"
         robots = "".join(f".r{i} {{ fill: {c} }}\n.s{i} {{ stroke: {c} }}\n" for i, c in enumerate(ROBOT_COLOURS))
         kinds = "".join(f".{kind} {{ fill: {colour} }}\n" for kind, colour in KIND_COLOURS.items())
-        style = _PLAIN + _COLOURED.format(**_THEMES["light"]) + dark + robots + kinds + self.style
+        style = _PLAIN + _COLOURED.format(**THEMES["light"]) + dark + robots + kinds + self.style
         paper = element("rect", "paper", width=self.width, height=self.height, rx=6)
         return "\n".join([head, f"<style>\n{style}</style>", paper, *self.parts, "</svg>\n"])
 

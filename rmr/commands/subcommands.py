@@ -31,7 +31,7 @@ PROGRAMS: dict[str, str] = {
     "sim": "Run a lab deterministically, in virtual time.",
     "new": "Write a lab of your own that runs at once.",
     "lab": "Check, draw, list and copy labs; the schema of the lab file.",
-    "plot": "Draw figures of experiments.",
+    "plot": "Draw pictures of a run, or figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",
 }
