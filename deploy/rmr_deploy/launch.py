@@ -75,6 +75,8 @@ class RunOutcome:
     """Wall time of the whole run."""
     report_error: str | None = None
     """Why the report could not be written."""
+    recording: list[str] = field(default_factory=list)
+    """What is missing in the recording, in sentences."""
 
 
 class LabRun:
@@ -130,16 +132,19 @@ class LabRun:
         plan = self.plan
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
-        self._world = self._child("world", world_command(plan, endpoint))
+        self._world = self._child("world", "world", world_command(plan, endpoint))
         for robots in plan.process_robots:
-            child = self._child(f"robot-{spelled(robots)}", agent_command(plan, robots, endpoint))
+            ids = spelled(robots)
+            child = self._child(f"robot-{ids}", f"robots-{ids}", agent_command(plan, robots, endpoint))
             self._robots |= dict.fromkeys(robots, child)
         pids = {child.name: child.pid for child in self._processes.children}
         write_processes(plan.folder, endpoint, pids)
 
-    def _child(self, name: str, command: Sequence[str]) -> Child:
+    def _child(self, name: str, part: str, command: Sequence[str]) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
-        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
+        recording = self.plan.part(part)
+        options = ["--log", str(log), *([] if recording is None else ["--record", str(recording)])]
+        return self._processes.start(name, [*command, *options], log.with_suffix(".out"))
 
     # --- watch ---------------------------------------------------------------------------------------------
 

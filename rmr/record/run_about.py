@@ -32,7 +32,8 @@ class RunAbout:
     process: str
     """What wrote the file: ``sim``, ``world``, ``robots-4``, ``launcher``; ``joined`` of several files joined."""
     run: str = ""
-    """Tells the runs of one lab apart: the number of the world's session; empty for a simulated run."""
+    """Tells the runs of one lab apart: the number of the world's session. Empty for a simulated run, and where it is
+    not known."""
     format: str = FORMAT
     rmr: str = __version__
     python: str = ""
@@ -66,8 +67,10 @@ class RunAbout:
         return cls(**known | {"seed": seed, "roster": roster, "compiled": values["compiled"] == "true"})  # type: ignore[arg-type]
 
     def same_run(self, other: "RunAbout") -> bool:
-        """Return whether both are of one run."""
-        return (self.lab, self.mode, self.seed, self.run) == (other.lab, other.mode, other.seed, other.run)
+        """Return whether both are of one run, as far as they tell: the launcher does not know the world's number."""
+        if self.run and other.run and self.run != other.run:
+            return False
+        return (self.lab, self.mode, self.seed, self.roster) == (other.lab, other.mode, other.seed, other.roster)
 
 
 def about_run(lab: str, mode: str, seed: int, roster: tuple[int, ...], process: str, run: str = "") -> RunAbout:

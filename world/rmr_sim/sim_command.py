@@ -154,7 +154,7 @@ def _prepared(
     if arguments.no_record:
         return None, loaded.simulation(arguments.seed, level)
     writer = simulation_writer(loaded, arguments.seed, arguments.record or folder / RUN_FILE)
-    simulation = loaded.simulation(arguments.seed, level)
+    simulation = loaded.simulation(arguments.seed, level, writer.mind)
     return SimulationRecorder(simulation, loaded, writer), simulation
 
 

@@ -8,13 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from rmr.base.time import NS_PER_S, Instant, in_seconds, seconds
+from rmr.base.time import Instant, in_seconds, seconds
 from rmr.node.frame_log import FrameLog
 from rmr.node.observed import pose_of, route_of, status_of
 from rmr.node.ports import Spoken
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.links import Disturbance
-from rmr.record.foxglove_messages import grid, log_message, robot_frame, scene, transforms_json
+from rmr.record.foxglove_messages import grid, log_message, scene
+from rmr.record.pose_recorder import POSES_TICKS, PoseRecorder
 from rmr.record.record_writer import RecordWriter
 from rmr.record.robot_observer import RobotObserver
 from rmr.record.run_about import about_run
@@ -26,8 +27,6 @@ from rmr_world.faults import fault_entry
 
 PROCESS: Final = "sim"
 MODE: Final = "simulated"
-POSES_TICKS: Final = 6
-"""True poses are written at every sixth tick: 10 times a second."""
 FACTS_ONLY: Final = ("inserted", "removed")
 """Entries of the trace that are left out: a replay yields them."""
 
@@ -50,8 +49,7 @@ class SimulationRecorder:
         self._ticks = 0
         self._entries = 0
         self._faults = 0
-        self._poses: list[tuple[str, float, float, float]] = []
-        self._poses_due: Instant = 0
+        self._poses = PoseRecorder(writer)
         self._sent: dict[int, int] = {}
         """Requests of each robot's present incarnation: they are numbered from 1."""
         attach_files(self.writer, lab.arena, loaded.program.octets, lab.path, lab.program, lab.actions)
@@ -99,19 +97,12 @@ class SimulationRecorder:
         self._ticks += 1
         self._take_faults(now)
         if index % POSES_TICKS == 0:
-            self._take_poses(now)
+            world = self._simulation.world
+            self._poses.take(now, ((robot, world.pose(robot)) for robot in self._simulation.lab.roster))
             for observer, robot in zip(self._observers, self._simulation.robots, strict=True):
                 if robot.alive:
                     self._look(now, observer, robot)
             self._take_trace()
-
-    def _take_poses(self, now: Instant) -> None:
-        world = self._simulation.world
-        poses = [(robot_frame(robot), *world.pose(robot)) for robot in self._simulation.lab.roster]
-        if poses != self._poses or now >= self._poses_due:
-            self._poses = poses
-            self._poses_due = now + NS_PER_S
-            self.writer.write_encoded("/tf", now, transforms_json(now, poses))
 
     def _look(self, now: Instant, observer: RobotObserver, robot: SimulatedRobot) -> None:
         node = robot.node
