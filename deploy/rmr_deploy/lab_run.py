@@ -17,9 +17,13 @@ from typing import Any
 
 from rich.console import Console
 
+from rmr.base.time import seconds
 from rmr.entry import ExitCode
 from rmr.record.joining import join_run
 from rmr.record.mcap_scan import RecordingError
+from rmr.record.record_writer import RecordWriter
+from rmr.record.recording import LAUNCHER_PROCESS
+from rmr.record.run_about import about_run
 from rmr_deploy.launch import LabRun, RunOutcome
 from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
 from rmr_deploy.screen import make_screen, table
@@ -80,10 +84,22 @@ def join_recording(plan: RunPlan, outcome: RunOutcome) -> list[str]:
     again = f"rmr record join {shlex.quote(str(plan.folder))}"
     if outcome.hurried:
         return [f"the recording is not joined; to join it: {again}"]
+    _record_faults(plan, outcome)
     try:
         return list(join_run(plan.folder, plan.options.record).problems)
     except RecordingError as error:
         return [f"{error}; to join the recording: {again}"]
+
+
+def _record_faults(plan: RunPlan, outcome: RunOutcome) -> None:
+    """Write the faults of processes on request into a part of the recording."""
+    part = plan.part(f"{LAUNCHER_PROCESS}.1")
+    if part is None or not outcome.faults:
+        return
+    writer = RecordWriter(part, about_run(plan.lab.name, "processes", plan.lab.seed, plan.lab.roster, LAUNCHER_PROCESS))
+    for entry in outcome.faults:
+        writer.write("/faults", seconds(entry.get("at", entry.get("from", 0.0))), {"fault": entry})
+    writer.close()
 
 
 def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
@@ -132,7 +148,10 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
     added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
-    told["faults"] = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    told["faults"] = sorted(
+        [*disturbances, *outcome.faults], key=lambda entry: float(entry.get("at", entry.get("from")))
+    )
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 

@@ -38,6 +38,10 @@ def _declare(parser: "Parser") -> None:
     parser.flag("--no-record", help="Write no recording.")
     parser.option("--timeout", dest="timeout_s", metavar="SECONDS", read=real(0, above=True), help="Wall time at most.")
     parser.option("--processes", metavar="N", read=whole(1), help="Spread the robots over N processes only.")
+    parser.flag("--view", help="Print the address of the page, as on a terminal: the run in the browser.")
+    parser.flag("--no-view", help="No page.")
+    parser.option("--port", metavar="PORT", read=whole(0, 65535), help="Of the page (default: a free one).")
+    parser.flag("--control", help="The page may disturb the radio, and kill, restart and stall robots.")
     parser.flag("--keep-going", help="Go on without a robot that died; the exit code is 1 all the same.")
 
 
@@ -45,6 +49,8 @@ def _up(**options: Any) -> int:
     """Run a lab; return the exit code."""
     from rmr.entry.command_line import CommandLineError
 
+    if options["no_view"] and (options["view"] or options["control"] or options["port"] is not None):
+        raise CommandLineError("--no-view goes without --view, --control and --port")
     if options["record"] is not None and options["no_record"]:
         raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
     from rmr_deploy.lab_run import perform

@@ -28,9 +28,11 @@ COMMANDS: dict[str, str] = {
 PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
     "fault": "Disturb the radio of a lab that runs.",
+    "why": "Say why a fact of a run holds, or why it does not.",
     "sim": "Run a lab deterministically, in virtual time.",
     "new": "Write a lab of your own that runs at once.",
     "lab": "Check, draw, list and copy labs; the schema of the lab file.",
+    "view": "Show a run in the browser, while it goes on or afterwards.",
     "plot": "Draw pictures of a run, or figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",

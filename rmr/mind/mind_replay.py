@@ -22,6 +22,7 @@ from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.node.trace import EVENTS, TraceLevel
 from rmr.vm.engines import Engine
+from rmr.vm.provenance import ProvenanceLog
 
 Witness = Callable[[int, Instant, object], None]
 
@@ -51,11 +52,12 @@ class MindReplay:
         engine: Engine | None = None,
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
+        provenance: ProvenanceLog | None = None,
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same. Raises MindLogError if the log has no beginning.
+        same; with a log of `provenance` it is the interpreter. Raises MindLogError if the log has no beginning.
         """
         self._log = iter(log)
         self._fed: deque[bytes] = deque()
@@ -68,7 +70,7 @@ class MindReplay:
         self.robot: Final = self.header.config.robot
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
-        node = self._make_node(program, engine, trace, witness)
+        node = self._make_node(program, engine, trace, witness, provenance)
         self._own_log = node.log
         self.node: Final[Node] = node
         self.now: Instant = 0
@@ -90,11 +92,17 @@ class MindReplay:
         self._open(first)
 
     def _make_node(
-        self, program: Program, engine: Engine | None, trace: TraceLevel, witness: Witness | None
+        self,
+        program: Program,
+        engine: Engine | None,
+        trace: TraceLevel,
+        witness: Witness | None,
+        provenance: ProvenanceLog | None,
     ) -> RecordedNode:
         header = self.header
         feed = self._feed
         config = replace(header.config, trace=trace, witness=witness, engine=engine or header.config.engine)
+        config = replace(config, provenance=provenance)
         ports = Ports(
             feed,
             feed if header.bodily else None,

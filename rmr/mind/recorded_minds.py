@@ -12,6 +12,7 @@ from rmr.mind.mind_reader import MindLogError, read_batch
 from rmr.mind.mind_replay import MindReplay, Witness
 from rmr.node.trace import TraceLevel
 from rmr.vm.engines import Engine
+from rmr.vm.provenance import ProvenanceLog
 
 TOPIC: Final = "/mind"
 PROGRAM: Final = "program.rbc"
@@ -61,9 +62,11 @@ class RecordedMind:
         engine: Engine | None = None,
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
+        provenance: ProvenanceLog | None = None,
     ) -> MindReplay:
         """Return its replay. Raises MindLogError if it has no beginning, or the recording no program."""
-        return MindReplay(self.log(), program_of(self.source), engine=engine, trace=trace, witness=witness)
+        program = program_of(self.source)
+        return MindReplay(self.log(), program, engine=engine, trace=trace, witness=witness, provenance=provenance)
 
 
 def batches_of(source: MindSource) -> Iterator[tuple[int, int, bytes]]:

@@ -44,6 +44,8 @@ class RecordWriter:
         """Why the recording ended early, as a sentence; None while all is well."""
         self.count = 0
         """Number of messages written."""
+        self.tap: Callable[[str, Instant, Mapping[str, Any]], None] | None = None
+        """Called with each message, too, except for those that are encoded already."""
         self._numbers: dict[str, int] = {}
         """Channel numbers by topic."""
         self._file = sink
@@ -76,6 +78,8 @@ class RecordWriter:
 
     def write(self, topic: str, now: Instant, message: Mapping[str, Any]) -> None:
         """Write `message` on the channel `topic` at `now`; an instant before 0 counts as 0."""
+        if self.tap is not None:
+            self.tap(topic, now, message)
         if BY_TOPIC[topic].encoding == "json":
             self.write_encoded(topic, now, encode_json(message).encode())
         else:

@@ -21,6 +21,17 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
     "rmr.mind": {"rmr.base", "rmr.bytecode", "rmr.coord", "rmr.node", "rmr.radio", "rmr.record", "rmr.vm"},
+    "rmr.why": {
+        "rmr.analysis",
+        "rmr.base",
+        "rmr.bytecode",
+        "rmr.coord",
+        "rmr.lang",
+        "rmr.mind",
+        "rmr.node",
+        "rmr.record",
+        "rmr.vm",
+    },
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
     "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio", "rmr.record"},
     "rmr.record": {"rmr.base"},
@@ -82,9 +93,25 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.bus",
         "rmr.radio",
         "rmr.record",
+        "rmr.why",
         "rmr_world",
     },
-    "rmr_view": {"rmr.base", "rmr.coord", "rmr.entry", "rmr.record"},
+    "rmr_view": {
+        "rmr.base",
+        "rmr.bus",
+        "rmr.bytecode",
+        "rmr.coord",
+        "rmr.entry",
+        "rmr.mind",
+        "rmr.node",
+        "rmr.radio",
+        "rmr.record",
+        "rmr.vm",
+        "rmr.why",
+        "rmr_deploy",
+        "rmr_sim",
+        "rmr_world",
+    },
 }
 """Part -> the other parts that it may import."""
 
@@ -103,7 +130,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
-    "rmr_view": {"pydantic", "matplotlib", "PIL", "websockets"},
+    "rmr_view": {"pydantic", "matplotlib", "PIL", "starlette", "uvicorn", "websockets"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
 
