@@ -40,7 +40,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "rmr_lab": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr_world", "rmr_sim"},
     "rmr_deploy": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
-    "rmr_view": {"rmr.entry"},
+    "rmr_view": {
+        "rmr.base",
+        "rmr.bus",
+        "rmr.coord",
+        "rmr.entry",
+        "rmr.radio",
+        "rmr_deploy",
+        "rmr_sim",
+        "rmr_world",
+    },
 }
 """Part -> the other parts that it may import."""
 
@@ -57,7 +66,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
-    "rmr_view": {"pydantic", "matplotlib"},
+    "rmr_view": {"pydantic", "matplotlib", "starlette", "uvicorn"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
 

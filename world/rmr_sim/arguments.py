@@ -39,6 +39,10 @@ def declare(parser: Parser) -> None:
     parser.option("--events", read=Path, metavar="FILE.py", help="your own events, instead of the lab's")
     parser.option("--run", read=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.option("--trace", read=Path, metavar="FILE", help="write what happened as JSON lines")
+    parser.flag("--view", help="show the run in the browser, at the speed of its lab time: pause, step, speed")
+    parser.option("--port", read=whole(0, 65535), metavar="PORT", help="of the page (default: a free one)")
+    parser.option("--speed", read=real(0.1, 100), metavar="X", help="of the run in the page (default: 1)")
+    parser.flag("--control", help="the page may add faults, too; orders need the token in its address")
     parser.flag("--json", help="the report as JSON on standard output")
     parser.flag("--strict", help="exit 4 when a deadline was missed or robots touched")
 
@@ -56,11 +60,15 @@ def check(arguments: argparse.Namespace) -> None:
     """Raise CommandLineError for options that do not go together."""
     if arguments.resume is not None and arguments.run is not None:
         raise CommandLineError("--resume goes on in its own run folder: leave out --run")
+    if not arguments.view and (arguments.port is not None or arguments.speed is not None or arguments.control):
+        raise CommandLineError("--port, --speed and --control are about the page: ask for it with --view")
     sweep = arguments.seeds is not None or arguments.resume is not None
     if not sweep and arguments.jobs is not None:
         raise CommandLineError("--jobs shares the runs of a sweep: name its --seeds")
     if sweep and arguments.seed is not None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
+    if sweep and arguments.view:
+        raise CommandLineError("--view shows one run: leave out --seeds and --resume")
     if sweep and arguments.trace is not None:
         raise CommandLineError("--trace is of one run; a sweep keeps the trace of each seed that fails")
 

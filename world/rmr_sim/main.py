@@ -32,9 +32,19 @@ def _simulate(**options: Any) -> int:
 
     arguments = Namespace(**options)
     check(arguments)
+    if arguments.view:
+        become_view()
     from rmr_sim.sim_command import perform
 
     return perform(arguments)
+
+
+def become_view() -> None:
+    """Replace this process by `rmr_view.sim_view`, which is given the same words: that part imports this one."""
+    from rmr.entry import turn_into
+
+    words = sys.argv[1:]
+    turn_into(sys.executable, ["-P", "-m", "rmr_view.sim_view", *words])
 
 
 if __name__ == "__main__":

@@ -55,6 +55,10 @@ class RobotHost:
         self._trace += node.trace_log
         node.trace_log.clear()
 
+    def trace_from(self, index: int) -> list[dict[str, Any]]:
+        """Return the entries of the run's trace from `index` on, in the order in which they were taken."""
+        return self._trace[index:]
+
     def sort_out(self) -> None:
         """Take note that a robot is now served otherwise than before (killed, stalled, slow, or served again)."""
         raise NotImplementedError

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 from rmr.base.mistake import words
 from rmr.base.time import in_seconds
@@ -44,14 +44,30 @@ FAILURES_MAX = 5
 """Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
 
 
-def perform(arguments: argparse.Namespace) -> int:
-    """Carry out what is asked for; return the exit code. The second Ctrl-C raises KeyboardInterrupt."""
+class Viewer(Protocol):
+    """Shows a run while it goes on (`rmr_view.sim_view`)."""
+
+    def attach(self, simulation: Simulation) -> None:
+        """Show a run that is about to begin."""
+
+    def interrupt(self) -> None:
+        """Let a run that is held up go on, since it is to end."""
+
+    def over(self, report: dict[str, Any]) -> None:
+        """Take note of the end of the run."""
+
+
+def perform(arguments: argparse.Namespace, viewer: Viewer | None = None) -> int:
+    """Carry out what is asked for; return the exit code. The second Ctrl-C raises KeyboardInterrupt.
+
+    `viewer` is shown one run, with the trace at the level FACTS.
+    """
     out = sys.stdout
     with redirect_stdout(sys.stderr):
-        return _perform(arguments, out)
+        return _perform(arguments, out, viewer)
 
 
-def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
+def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) -> int:
     folder: Path | None = None
     if missing := unreadable((lab_path(arguments.lab), arguments.actions, arguments.events)):
         print("\n".join(f"rmr sim: {line}" for line in missing), file=sys.stderr)
@@ -63,8 +79,9 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
         if arguments.resume is not None:
             return _resume(arguments, loaded, out)
         folder = make_run_folder(loaded.lab.name, arguments.run)
-        run = _run if arguments.seeds is None else _sweep
-        return run(arguments, loaded, folder, out)
+        if arguments.seeds is not None:
+            return _sweep(arguments, loaded, folder, out)
+        return _run(arguments, loaded, folder, out, viewer)
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
@@ -102,23 +119,28 @@ def options_of(arguments: argparse.Namespace) -> Options:
     )
 
 
-def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
+def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, viewer: Viewer | None) -> int:
     """One run."""
-    simulation = loaded.simulation(arguments.seed, TraceLevel.NOTES if arguments.trace is None else TraceLevel.FACTS)
+    traced = arguments.trace is not None or viewer is not None
+    simulation = loaded.simulation(arguments.seed, TraceLevel.FACTS if traced else TraceLevel.NOTES)
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
         return ExitCode.USAGE
+    if viewer is not None:
+        viewer.attach(simulation)
     began = time.perf_counter()
     try:
         with Interruption() as interruption:
-            interruption.ends(simulation.stop)
+            interruption.ends(partial(_end, simulation, viewer))
             finished = simulation.run()
     finally:  # after a breakdown the trace tells what led to it
         trace = simulation.trace()
         unwritten = [] if arguments.trace is None else _attempt(partial(write_trace, trace, arguments.trace))
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
+    if viewer is not None:
+        viewer.over(report)
     unwritten += _attempt(partial(write, report, folder))
     going_on = [] if finished else under_way(simulation)
     for line in [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]:
@@ -132,6 +154,12 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     where = f"the report is {report_file}" if report_file.is_file() else "there is no report"
     print(f"{'interrupted: ' if interruption.came else ''}{took}; {where}", file=sys.stderr)
     return ExitCode.FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
+
+
+def _end(simulation: Simulation, viewer: Viewer | None) -> None:
+    simulation.stop()
+    if viewer is not None:
+        viewer.interrupt()
 
 
 def _attempt(write_file: Callable[[], object]) -> list[str]:

@@ -239,6 +239,15 @@ class Simulation(RobotHost):
         if disturbance.until < NEVER:
             self.kernel.at(disturbance.until + LINGER, EVENT, self._forget)
 
+    def end_disturbances(self) -> None:
+        """End all disturbances of the radio that are not the lab's."""
+        given = self.lab.disturbances
+        begun = [one for one in self._disturbances if one in given or one.since < self.now]
+        self._disturbances = tuple(
+            one if one in given else one._replace(until=min(one.until, self.now)) for one in begun
+        )
+        self.ether.links.replace(self._disturbances)
+
     def _forget(self, now: Instant) -> None:
         """Drop the disturbances that are long over: undisturbed links cost less."""
         self._disturbances = tuple(one for one in self._disturbances if now < one.until + LINGER)

@@ -1,0 +1,52 @@
+"""Who may talk to the page's server: checks of Host, Origin and token, before any route runs.
+
+The server listens on loopback, which every program of the machine can reach, the browser included, and with it every
+web page that is open in it.
+
+- *Host* must be a loopback name with the server's port. Against DNS rebinding: a hostile name that is resolved to
+  127.0.0.1 arrives with that name as its Host.
+- *Origin*, where there is one, must be the page's own. Against other pages: requests across origins carry theirs, and
+  a WebSocket is opened without asking the server first.
+- *Token* (orders only): a random number that is printed with the address, in its fragment, which browsers do not send.
+"""
+
+import hmac
+from collections.abc import Iterable
+from secrets import token_urlsafe
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+"""Names under which the page may be opened."""
+TOKEN_HEADER = "x-rmr-token"
+
+
+def new_token() -> str:
+    """Return a token nobody can guess: 128 bits."""
+    return token_urlsafe(16)
+
+
+class AccessGuard:
+    """The checks of one server."""
+
+    def __init__(self, port: int, token: str | None) -> None:
+        """`port` is the server's; without `token` all orders are refused."""
+        self._hosts = frozenset(f"{name}:{port}" for name in LOOPBACK) | (frozenset(LOOPBACK) if port == 80 else set())
+        self._token = token
+
+    def refusal(self, headers: Iterable[tuple[bytes, bytes]]) -> str | None:
+        """Return why a request or a WebSocket with these headers is refused; None if it is not."""
+        told = {name: value.decode("latin-1") for name, value in headers}
+        host = told.get(b"host", "")
+        if host not in self._hosts:
+            return f"this page answers only to the host names {', '.join(LOOPBACK)}, not to {host!r:.80}"
+        origin = told.get(b"origin")
+        if origin is not None and origin.removeprefix("http://") not in self._hosts:
+            return f"requests of other pages are refused, such as of {origin!r:.80}"
+        return None
+
+    def order_refusal(self, token: str | None) -> str | None:
+        """Return why an order with `token` is refused; None if it is not."""
+        if self._token is None:
+            return "orders are refused: the page was started without --control"
+        if token is None or not hmac.compare_digest(token.encode(), self._token.encode()):
+            return "the token is missing or wrong: open the page by the whole address that was printed"
+        return None

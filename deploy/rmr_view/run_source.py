@@ -1,0 +1,78 @@
+"""What the page's server shows, as one interface: a simulated run, a run of processes, or a recording.
+
+Every source answers the same questions. Those that take long are coroutines, which work in a thread or in another
+process, so that the server's loop never waits for them. All times are seconds of lab time.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+from rmr_view.run_history import RunHistory
+
+ENTRIES_MAX = 5_000
+"""Entries of one answer at most."""
+
+
+class RefusedError(Exception):
+    """A request that cannot be granted: one sentence for a person, and the HTTP status."""
+
+    def __init__(self, message: str, status: int = 400) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class RunClock(NamedTuple):
+    """Where lab time stands."""
+
+    t: float
+    end_s: float
+    """End of what there is to see: the same as `t` while the run is live."""
+    running: bool
+    speed: float | None
+    """Lab time over wall time of a simulated run; None: it cannot be chosen."""
+
+    def message(self) -> dict[str, Any]:
+        """Return the message for clients."""
+        return {"type": "clock", "t": round(self.t, 3), "end_s": round(self.end_s, 3), **self._state()}
+
+    def _state(self) -> dict[str, Any]:
+        return {"running": self.running, "speed": self.speed}
+
+
+class RunSource(Protocol):
+    """One run."""
+
+    history: RunHistory
+    """What is kept of it for the map, the timeline and the clients that follow."""
+
+    @property
+    def clock(self) -> RunClock:
+        """Where lab time stands."""
+
+    @property
+    def report(self) -> Mapping[str, Any] | None:
+        """The report, once the run is over and has one."""
+
+    def about(self) -> dict[str, Any]:
+        """Return the answer to `/api/run`."""
+
+    def refresh(self) -> None:
+        """Take in what is new. Never blocks for long; called by the server's loop, several times a second."""
+
+    async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
+        """Return the entries of `kind` (trace, frames or log) in [begin, end], the oldest first.
+
+        There are `ENTRIES_MAX` + 1 at most: one more than fits an answer shows that there are more.
+        """
+
+    async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
+        """Return what a robot knew and did at `t` (None: now). Raises RefusedError."""
+
+    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
+        """Return the explanation of a fact. Raises RefusedError."""
+
+    async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Carry out a checked order of `rmr_view.control_order`. Raises RefusedError."""
+
+    def close(self) -> None:
+        """Let go of files, threads and processes."""

@@ -1,0 +1,238 @@
+"""The source of a simulated run in this process: its time can be steered, and the slider goes back over what has been.
+
+The run's own thread calls `_after_tick`; the server's thread reads the history, and asks the run by `RunPacer.call`.
+Facts at an earlier instant are folded from the trace, which is kept at the level FACTS.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from math import inf
+from typing import Any
+
+from rmr.base.arena import to_data
+from rmr.base.geometry import Pose
+from rmr.base.time import NEVER, NS_PER_S, Instant, in_seconds, seconds
+from rmr.radio.links import Disturbance
+from rmr_sim.fault_record import FaultRecord
+from rmr_sim.simulation import Simulation
+from rmr_view.fact_fold import robot_at
+from rmr_view.run_history import RunHistory, Triple
+from rmr_view.run_pacer import RunPacer
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_world.faults import fault_entry
+
+POSE_PERIOD = NS_PER_S // 10
+"""Period of the samples of a track, in lab time."""
+SHOW_S = 0.04
+"""Period of the poses that are shown live, in wall time."""
+ROUTE_MAX = 200
+"""Points of a route at most."""
+
+FAULT_WORDS = {"killed": "kill", "restarted": "restart", "stalled": "stall", "slowed": "slow", "silenced": "outage"}
+"""The word of a `FaultRecord` -> the key of a lab file's entry."""
+
+
+class SimulatedSource:
+    """One simulated run."""
+
+    def __init__(
+        self, simulation: Simulation, pacer: RunPacer, program: Mapping[str, str | None], control: bool
+    ) -> None:
+        """`program` is its name and source; `control` says whether faults may be added."""
+        self._simulation = simulation
+        self._pacer = pacer
+        self._program = program
+        self._control = control
+        self._report: Mapping[str, Any] | None = None
+        self._over = False
+        self._entries = 0
+        self._faults = 0
+        self._sampled: Instant = -POSE_PERIOD
+        self._shown = 0.0
+        self.history = RunHistory(simulation.lab.roster)
+        simulation.checkers.append(self._after_tick)
+
+    # --- in the run's thread ---
+
+    def _after_tick(self, now: Instant) -> None:
+        self._note(now)
+        self._pacer.tick()
+
+    def _note(self, now: Instant) -> None:
+        simulation = self._simulation
+        t = in_seconds(now)
+        if now >= self._sampled + POSE_PERIOD:
+            self._sampled = now
+            self.history.add_poses(t, self._poses())
+            for robot, pose in self._estimates().items():
+                self.history.add_estimate(t, robot, pose)
+        elif time.monotonic() >= self._shown + SHOW_S or not self._pacer.running:
+            self._shown = time.monotonic()
+            self.history.set_newest(t, self._poses())
+        if news := simulation.trace_from(self._entries):
+            self._entries += len(news)
+            self.history.add_entries("trace", news)
+        for record in simulation.fault_records[self._faults :]:
+            self._faults += 1
+            self.history.add_fault(_entry(record))
+
+    def _poses(self) -> dict[int, Triple]:
+        pose = self._simulation.world.pose
+        return {robot: _triple(pose(robot)) for robot in self.history.robots}
+
+    def _estimates(self) -> dict[int, Triple]:
+        known = {robot.robot: robot.node.driver for robot in self._simulation.robots if robot.alive}
+        poses = {robot: driver.localiser.pose for robot, driver in known.items() if driver is not None}
+        return {robot: _triple(pose) for robot, pose in poses.items() if pose is not None}
+
+    def over(self, report: Mapping[str, Any]) -> None:
+        """Take note that the run has ended."""
+        self._note(self._simulation.now)
+        self._over = True
+        self._report = report
+        self._pacer.stop()
+
+    # --- in the server's thread ---
+
+    @property
+    def clock(self) -> RunClock:
+        """Where lab time stands."""
+        t = max(0.0, self.history.newest[0])
+        return RunClock(t, t, self._pacer.running and not self._over, self._pacer.speed)
+
+    @property
+    def report(self) -> Mapping[str, Any] | None:
+        """The report, once the run is over."""
+        return self._report
+
+    def about(self) -> dict[str, Any]:
+        """Return the answer to `/api/run`."""
+        lab = self._simulation.lab
+        return {
+            "lab": lab.name,
+            "mode": "simulated",
+            "live": not self._over,
+            "control": self._control and not self._over,
+            "steer": not self._over,
+            "seed": self._simulation.seed,
+            "begin_s": 0.0,
+            "end_s": self.clock.end_s,
+            "duration_s": in_seconds(lab.duration),
+            "finish": lab.finish,
+            "robots": list(lab.roster),
+            "floor": to_data(lab.arena),
+            "program": dict(self._program),
+            "problems": [],
+        }
+
+    def refresh(self) -> None:
+        """Do nothing: the run's thread adds what is new."""
+
+    async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
+        """Return entries of the history."""
+        return await asyncio.to_thread(self.history.between, kind, begin, end, ENTRIES_MAX + 1)
+
+    async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
+        """Return what a robot knew and did at `t`; route, open goals and queue are known of the present alone."""
+        now = self.clock.t
+        if t is not None and t < now - 0.1:
+            trace = await asyncio.to_thread(self.history.between, "trace", 0.0, t, 1 << 60)
+            found = await asyncio.to_thread(robot_at, trace, robot, t)
+            truth, estimate = self.history.pose(robot, t)
+            return {"robot": robot, "t": t, **found, "route": None, "pose": truth, "estimate": estimate}
+        trace = await asyncio.to_thread(self.history.between, "trace", 0.0, now, 1 << 60)
+        found = await asyncio.to_thread(robot_at, trace, robot, now)
+        present: dict[str, Any] = await self._ask(lambda: self._present(robot))
+        return found | present
+
+    async def _ask(self, question: Callable[[], Any]) -> Any:
+        """Return the answer of the run, between two ticks; of a run that is over nothing changes any more."""
+        if self._over:
+            return question()
+        try:
+            return await asyncio.wait_for(asyncio.wrap_future(self._pacer.call(question)), 10.0)
+        except TimeoutError:
+            raise RefusedError("the run takes more than 10 s for one tick: ask again", 503) from None
+        except LookupError as error:
+            if self._over:
+                return question()
+            raise RefusedError(str(error), 409) from None
+        except ValueError as error:
+            raise RefusedError(str(error), 409) from None
+
+    def _present(self, robot: int) -> dict[str, Any]:
+        simulated = next(one for one in self._simulation.robots if one.robot == robot)
+        node = simulated.node
+        driver = node.driver
+        route = None if driver is None else driver.navigator.route
+        pose = None if driver is None else driver.localiser.pose
+        return {
+            "robot": robot,
+            "t": in_seconds(self._simulation.now),
+            "alive": simulated.alive,
+            "facts": node.machine.facts(),
+            "goals": node.machine.goals(),
+            "route": None if route is None else [list(point) for point in route.points[:ROUTE_MAX]],
+            "pose": tuple(self._simulation.world.pose(robot)),
+            "estimate": None if pose is None else tuple(pose),
+        }
+
+    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:  # noqa: ARG002
+        """Refuse: an explanation needs a recording."""
+        raise RefusedError(f"why {fact!r:.60} of robot {robot}: this run has no recording to explain it from", 501)
+
+    async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Steer time at once; add a fault between two ticks."""
+        pacer = self._pacer
+        match order["do"]:
+            case "pause":
+                pacer.pause()
+            case "resume":
+                pacer.resume()
+            case "step":
+                pacer.step()
+            case "speed":
+                pacer.set_speed(order["speed"])
+            case _:
+                await self._ask(lambda: self._fault(order))
+        return {"done": order["do"], "clock": self.clock.message()}
+
+    def _fault(self, order: Mapping[str, Any]) -> None:
+        simulation = self._simulation
+        now = simulation.now
+        until = now + seconds(order["for_s"]) if "for_s" in order else NEVER
+        match order["do"]:
+            case "kill":
+                if simulation.is_dead(order["robot"]):
+                    raise ValueError(f"robot {order['robot']} is dead already")
+                simulation.kill(order["robot"])
+            case "restart":
+                simulation.restart(order["robot"])
+            case "stall":
+                simulation.stall(order["robot"], until)
+            case "partition":
+                groups = tuple(map(tuple, order["groups"]))
+                simulation.disturb(Disturbance(now, until, groups, attenuation_db=inf))
+            case "loss":
+                simulation.disturb(Disturbance(now, until, loss=order["loss"]))
+            case "clear":
+                simulation.end_disturbances()
+
+    def close(self) -> None:
+        """Let the run go on without waiting."""
+        self._pacer.stop()
+
+
+def _triple(pose: Pose) -> Triple:
+    return pose.x, pose.y, pose.theta
+
+
+def _entry(record: FaultRecord | Disturbance) -> dict[str, Any]:
+    """Return a fault in the form of a lab file's entry."""
+    if isinstance(record, Disturbance):
+        return fault_entry(record)
+    key = FAULT_WORDS[record.fault]
+    if record.until >= NEVER:
+        return {"at": in_seconds(record.at), key: record.robot}
+    return {"from": in_seconds(record.at), "to": in_seconds(record.until), key: record.robot}

@@ -1,0 +1,261 @@
+"""Turns of robots as intervals: what each robot did about its turn, and when, from the entries of the trace.
+
+Values in, values out: `TurnIntervals` takes the entries of the trace (docs/trace.md) and of the faults, in order of
+time, and returns lanes of intervals, deadlines, terms of leaders and schedules. It can be asked at any instant, so it
+serves a run under way, too; whatever is open then ends at the instant asked for.
+
+| kind | from | to |
+|---|---|---|
+| asking | `asks`, `slot_lost` | `slotted`, `entered` |
+| waiting | `slotted` | the claim for this slot begins |
+| claiming | `CLAIM_S` before the slot begins, or when the slot is assigned if that is later | `entered`, `slot_lost` |
+| inside | `entered` | `left` |
+| stalled | a fault `stall`; lies over the other kinds | its end |
+| dead | the robot was killed | it was restarted |
+
+Only `entered`, `left` and `slot_lost` name the event. What a robot did before belongs to the event that it names next.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from rmr.base.time import in_seconds
+from rmr.coord.timing import ClaimTiming
+
+CLAIM_S = in_seconds(ClaimTiming().quiet + ClaimTiming().ahead)
+"""A robot begins to claim so long before its slot begins, seconds."""
+
+Record = dict[str, Any]
+"""An interval, a deadline, a leader's term or a schedule, with the keys of `TurnIntervals.timeline`."""
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One robot."""
+
+    intervals: list[Record] = field(default_factory=list)
+    deadlines: list[Record] = field(default_factory=list)
+    kind: str = ""
+    """Present kind: asking, waiting, inside or dead; empty: none of them."""
+    since: float = 0.0
+    slot_s: float = 0.0
+    """While waiting: when the slot begins."""
+    claim_from: float = 0.0
+    """While waiting: when the claim for this slot begins."""
+    event: str | None = None
+    """The event that the robot named last."""
+    unnamed: list[Record] = field(default_factory=list)
+    """Records whose event the robot has not named yet."""
+
+    def closed(self, end: float) -> list[Record]:
+        """Return the present kind as intervals that end at `end`: a wait that became a claim is two."""
+        split = self.claim_from if self.kind == "waiting" else end
+        parts = [(self.kind, self.since, min(split, end)), ("claiming", max(split, self.since), end)]
+        return [
+            {"kind": kind, "begin_s": begin, "end_s": until, "event": None}
+            for kind, begin, until in parts
+            if kind and until > begin
+        ]
+
+    def enter(self, kind: str, now: float) -> None:
+        """Close the present interval and begin one of `kind`."""
+        ended = self.closed(now)
+        if self.kind == "dead":
+            self.intervals += ended
+        else:
+            for interval in ended:
+                self.add(self.intervals, interval)
+        self.kind = kind
+        self.since = now
+
+    def add(self, records: list[Record], record: Record) -> None:
+        """Add a record, whose event is the one that the robot names next."""
+        records.append(record)
+        self.unnamed.append(record)
+
+    def name(self, event: str) -> None:
+        """Give its event to all that had none."""
+        for record in self.unnamed:
+            record["event"] = event
+        self.unnamed.clear()
+        self.event = event
+
+
+class TurnIntervals:
+    """The timeline of a run."""
+
+    def __init__(self, robots: Iterable[int] = (), claim_s: float = CLAIM_S) -> None:
+        """`robots` are those that have a lane even if nothing is known of them."""
+        self._claim_s = claim_s
+        self._lanes = {robot: _Lane() for robot in robots}
+        self._leaders: list[Record] = []
+        self._schedules: list[Record] = []
+        self._faults: list[Record] = []
+        self._known: set[tuple[int, int, tuple[int, ...]]] = set()
+
+    def add(self, entry: Mapping[str, Any]) -> None:
+        """Take in an entry of the trace; those of no concern are ignored."""
+        take = self._WORDS.get(entry["what"])
+        if take is not None:
+            take(self, self._lane(entry["robot"]), float(entry["t"]), entry)
+
+    def add_fault(self, fault: Mapping[str, Any]) -> None:
+        """Take in a fault as reports have it: `{"at": 5.0, "kill": 3}`, `{"from": 2.0, "to": 3.0, "stall": 2}`."""
+        self._faults.append(dict(fault))
+        if "kill" in fault:
+            self._die(self._lane(fault["kill"]), float(fault["at"]))
+        elif "restart" in fault:
+            self._live(self._lane(fault["restart"]), float(fault["at"]))
+        elif "stall" in fault:
+            lane = self._lane(fault["stall"])
+            stalled = {"kind": "stalled", "begin_s": float(fault["from"]), "end_s": float(fault["to"]), "event": None}
+            lane.intervals.append(stalled)
+
+    def timeline(self, end_s: float) -> dict[str, Any]:
+        """Return lanes, leaders, schedules and faults as values for JSON; what is open ends at `end_s`."""
+        return {
+            "lanes": [self._shown(robot, self._lanes[robot], end_s) for robot in sorted(self._lanes)],
+            "leaders": [{**each, "end_s": end_s if each["end_s"] is None else each["end_s"]} for each in self._leaders],
+            "schedules": [dict(each) for each in self._schedules],
+            "faults": [dict(each) for each in self._faults],
+        }
+
+    def _shown(self, robot: int, lane: _Lane, end_s: float) -> Record:
+        now = [{**each, "event": lane.event if lane.kind == "inside" else None} for each in lane.closed(end_s)]
+        intervals = [{**each, "end_s": min(each["end_s"], end_s)} for each in (*lane.intervals, *now)]
+        ordered = sorted(intervals, key=lambda each: (each["begin_s"], each["end_s"], each["kind"]))
+        return {"robot": robot, "intervals": ordered, "deadlines": [dict(each) for each in lane.deadlines]}
+
+    def _lane(self, robot: int) -> _Lane:
+        return self._lanes.setdefault(robot, _Lane())
+
+    # -- entries of the trace, by their word -----------------------------------------------------------------------
+
+    def _asks(self, lane: _Lane, now: float, _: Mapping[str, Any]) -> None:
+        if lane.kind != "asking":
+            lane.enter("asking", now)
+
+    def _slotted(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        slot_s = float(entry["start_s"])
+        if lane.kind == "waiting" and slot_s == lane.slot_s:
+            return  # only its rank has changed: a claim goes on
+        if lane.kind != "waiting" or lane.claim_from < now:
+            lane.enter("waiting", now)
+        lane.slot_s = slot_s
+        lane.claim_from = max(now, round(slot_s - self._claim_s, 6))
+
+    def _slot_lost(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        lane.enter("asking", now)
+        lane.name(entry["event"])
+
+    def _entered(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        lane.enter("inside", now)
+        lane.name(entry["event"])
+
+    def _left(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        lane.enter("", now)
+        lane.name(entry["event"])
+
+    def _job_started(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        job = {"job": entry["job"], "begin_s": now, "deadline_s": entry["deadline_s"], "finish_s": None, "met": None}
+        lane.deadlines.append(job)
+
+    def _job_finished(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        job = _newest(lane, entry["job"])
+        if job is not None and job["finish_s"] is None:
+            job["finish_s"] = now
+            job["met"] = job["met"] is None
+        if lane.kind in {"asking", "waiting"} and all(each["finish_s"] is not None for each in lane.deadlines):
+            lane.enter("", now)  # its last job ended before its turn, which it no longer needs
+
+    def _deadline_missed(self, lane: _Lane, _now: float, entry: Mapping[str, Any]) -> None:
+        job = _newest(lane, entry["job"])
+        if job is not None and job["finish_s"] is None:
+            job["met"] = False
+
+    def _leads(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        self._follow(entry["robot"], now)
+        term = {"event": lane.event, "robot": entry["robot"], "term": entry["term"], "begin_s": now, "end_s": None}
+        self._of_event(lane, self._leaders, term)
+
+    def _scheduled(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        leader = entry["leader"]
+        if entry["robot"] != leader:
+            self._follow(entry["robot"], now)
+        known = (leader, entry["term"], tuple(entry["order"]))
+        if entry["robot"] != leader and known in self._known:
+            return  # an order that the leader itself has told; what followers hear later may be older than its newest
+        self._known.add(known)
+        words = {"leader": leader, "term": entry["term"], "order": list(entry["order"])}
+        self._of_event(lane, self._schedules, {"t_s": now, "event": lane.event, **words})
+
+    def _fault(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        if entry["fault"] == "killed":
+            self._die(lane, now)
+        elif entry["fault"] == "restarted":
+            self._live(lane, now)
+
+    _WORDS: ClassVar[dict[str, Callable[["TurnIntervals", _Lane, float, Mapping[str, Any]], None]]] = {
+        "asks": _asks,
+        "slotted": _slotted,
+        "slot_lost": _slot_lost,
+        "entered": _entered,
+        "left": _left,
+        "job_started": _job_started,
+        "job_finished": _job_finished,
+        "deadline_missed": _deadline_missed,
+        "leads": _leads,
+        "scheduled": _scheduled,
+        "fault": _fault,
+    }
+    """Words of the trace that concern the timeline."""
+
+    # -- shared -----------------------------------------------------------------------------------------------------
+
+    def _of_event(self, lane: _Lane, records: list[Record], record: Record) -> None:
+        if lane.kind in {"asking", "waiting"}:
+            record["event"] = None
+            lane.add(records, record)
+        else:
+            records.append(record)
+
+    def _follow(self, robot: int, now: float) -> None:
+        """End what `robot` leads: it has heard of another leader, leads another term, or is dead."""
+        for term in self._leaders:
+            if term["robot"] == robot and term["end_s"] is None:
+                term["end_s"] = now
+
+    def _die(self, lane: _Lane, now: float) -> None:
+        if lane.kind == "dead":
+            return
+        lane.enter("dead", now)
+        lane.unnamed.clear()
+        lane.event = None
+        self._follow(next(robot for robot, each in self._lanes.items() if each is lane), now)
+
+    def _live(self, lane: _Lane, now: float) -> None:
+        if lane.kind == "dead":
+            lane.enter("", now)
+
+
+def timeline(
+    entries: Iterable[Mapping[str, Any]],
+    end_s: float,
+    robots: Iterable[int] = (),
+    faults: Iterable[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
+    """Return the timeline of a run from the entries of its trace and its faults, both in any order.
+
+    The result has the keys `lanes`, `leaders`, `schedules` and `faults`, as the page's `/api/timeline`.
+    """
+    turns = TurnIntervals(robots)
+    dated = [(float(entry["t"]), 1, entry) for entry in entries]
+    dated += [(float(fault.get("at", fault.get("from", 0.0))), 0, fault) for fault in faults]
+    for _, is_entry, entry in sorted(dated, key=lambda each: each[:2]):
+        (turns.add if is_entry else turns.add_fault)(entry)
+    return turns.timeline(end_s)
+
+
+def _newest(lane: _Lane, job: str) -> Record | None:
+    return next((each for each in reversed(lane.deadlines) if each["job"] == job), None)
