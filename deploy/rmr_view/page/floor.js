@@ -10,6 +10,7 @@ import { fit, gestures } from "./surface.js";
 const TRAIL_S = 6;
 const FRAME_S = 0.25; // how long a frame on the air stays visible
 const MARGIN = 26;
+const TOP = 46; // room for the layer buttons above the floor
 const GRID_M = [0.1, 0.25, 0.5, 1, 2, 5, 10, 25, 50, 100];
 
 export class Floor {
@@ -69,7 +70,7 @@ export class Floor {
 
   fitScale() {
     const { width, height } = this.source.run.floor;
-    return Math.max(1, Math.min((this.width - 2 * MARGIN) / width, (this.height - 2 * MARGIN) / height));
+    return Math.max(1, Math.min((this.width - 2 * MARGIN) / width, (this.height - MARGIN - TOP) / height));
   }
 
   toWorld(px, py) {
@@ -108,7 +109,8 @@ export class Floor {
     this.height = size.height;
     this.colours = theme();
     if (!this.view || (this.fitted && size.changed)) {
-      this.view = { x: run.floor.width / 2, y: run.floor.height / 2, scale: this.fitScale() };
+      const scale = this.fitScale();
+      this.view = { x: run.floor.width / 2, y: run.floor.height / 2 + (TOP - MARGIN) / 2 / scale, scale };
     }
     this.drawStill(size);
     const c = this.context;
@@ -405,12 +407,13 @@ export class Floor {
     this.rings(c, x, y, radius, kind, robot === selected);
     nose(c, x, y, radius, pose.heading);
     c.fillStyle = colour;
+    c.strokeStyle = this.colours.dark ? "rgba(255,255,255,0.55)" : "rgba(20,24,29,0.55)";
+    c.lineWidth = 1;
     c.fill();
+    c.stroke();
     c.beginPath();
     c.arc(x, y, radius, 0, 7);
     c.fill();
-    c.strokeStyle = this.colours.dark ? "rgba(255,255,255,0.35)" : "rgba(20,24,29,0.35)";
-    c.lineWidth = 1;
     c.stroke();
     this.number(c, robot, x, y, radius, colour);
     if (kind === "dead") {

@@ -14,7 +14,7 @@ export function Badge({ robot, small }) {
 
 /** A robot that can be chosen by a click. */
 export function RobotLink({ robot }) {
-  return html`<button class="robotlink" title="choose robot ${robot}" onClick=${() => choose(robot)}><${Badge} robot=${robot} small /></button>`;
+  return html`<button class="robotlink" aria-label="Robot ${robot}" title="choose robot ${robot}" onClick=${() => choose(robot)}><${Badge} robot=${robot} small /></button>`;
 }
 
 /** An instant; a click shows it. */

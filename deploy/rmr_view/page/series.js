@@ -66,8 +66,8 @@ class Chunks {
   }
 
   /** What came in the last moments may be incomplete: ask for it anew when it is shown. */
-  doubt() {
-    for (const [index, chunk] of this.chunks) if (index >= this.index(this.newest) - 1) chunk.asked = false;
+  doubt(begin = this.newest - this.seconds) {
+    for (const [index, chunk] of this.chunks) if (index >= this.index(begin)) chunk.asked = false;
   }
 }
 
@@ -146,7 +146,8 @@ export class Poses extends Chunks {
 
 /** A robot's columns without the samples at which its pose was not known. */
 function known(own, times) {
-  const all = { t: own.t ?? times, x: own.x, y: own.y, heading: own.heading };
+  const t = own.t ?? [...times]; // each robot its own: live samples are appended
+  const all = { t, x: own.x, y: own.y, heading: own.heading };
   if (!all.x.includes(null)) return all;
   const keep = all.x.map((x) => x !== null);
   return Object.fromEntries(COLUMNS.map((column) => [column, all[column].filter((_, i) => keep[i])]));

@@ -19,7 +19,7 @@ export const poses = new Poses(fail);
 export const frames = new Entries("frames", fail, (entry) => entry.start_s ?? entry.t);
 export const trace = new Entries("trace", fail);
 export const log = new Entries("log", fail);
-export const routes = new Entries("routes", () => (routes.missing = true));
+export const routes = new Entries("routes", fail);
 const now = () => performance.now() / 1000;
 let line = null;
 let timelineAsked = 0;
@@ -99,6 +99,7 @@ function hear(message) {
   } else if (type === "frames") frames.take(message.entries);
   else if (type === "log") log.take(message.entries);
   else if (type === "routes") routes.take(message.entries);
+  else if (type === "lost") ({ trace, frames, log, routes })[message.kind]?.doubt(message.begin_s); // we were too slow
   else if (type === "end") ended(message.report);
 }
 
@@ -173,10 +174,11 @@ let countedFrom = 0;
 export function advance(milliseconds) {
   const wall = milliseconds / 1000;
   const t = clock.frame(wall);
-  const { layers } = get();
+  const { layers, run } = get();
+  if (!run) return t;
   poses.need(t - 6, t + 2);
   if (layers.links) frames.need(t - 0.5, t + 2);
-  if (layers.routes && !routes.missing) routes.need(t - 20, t + 2);
+  if (layers.routes && run?.routes) routes.need(t - 20, t + 2);
   counted += 1;
   if (wall - slow >= SLOW_EVERY_S) {
     slow = wall;
@@ -195,8 +197,8 @@ export function advance(milliseconds) {
 export function routesAt(t) {
   const newest = new Map();
   for (const entry of routes.between(t - 60, t)) newest.set(entry.robot, entry.points);
-  const { details, selected } = get();
-  if (routes.missing && details?.route?.length && details.robot === selected) newest.set(selected, details.route);
+  const { details, selected, run } = get();
+  if (!run.routes && details?.route?.length && details.robot === selected) newest.set(selected, details.route);
   return newest;
 }
 

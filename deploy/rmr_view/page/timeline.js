@@ -58,8 +58,20 @@ export class Timeline {
   // -- the window of time -----------------------------------------------------------------------------------
 
   span() {
-    const { begin, end } = this.source;
-    return this.window ?? [begin, Math.max(end, begin + 1)];
+    return this.window ?? [this.source.begin, this.last()];
+  }
+
+  /** The end of the axis: that of the run, and deadlines beyond it if they are not far away. */
+  last() {
+    const { begin, end, timeline } = this.source;
+    if (timeline !== this.dueOf) {
+      this.dueOf = timeline;
+      const all = (timeline?.lanes ?? []).flatMap((lane) => lane.deadlines.map((one) => one.deadline_s));
+      this.due = all.reduce((a, b) => Math.max(a, b), 0);
+    }
+    const far = begin + Math.max(2 * (end - begin), 40);
+    const beyond = this.due > end ? Math.min(this.due + 0.02 * (this.due - begin), far) : end;
+    return Math.max(end, beyond, begin + 1);
   }
 
   whole() {
@@ -67,9 +79,8 @@ export class Timeline {
   }
 
   zoom(factor, x = null) {
-    const { begin, end } = this.source;
     const [a, b] = this.span();
-    const all = Math.max(1, end - begin);
+    const all = Math.max(1, this.last() - this.source.begin);
     const wide = Math.max(0.05, (b - a) / factor);
     if (wide >= all) {
       this.window = null;
@@ -87,7 +98,7 @@ export class Timeline {
   }
 
   bounded(begin, wide) {
-    const first = Math.max(this.source.begin, Math.min(begin, this.source.end - wide));
+    const first = Math.max(this.source.begin, Math.min(begin, this.last() - wide));
     return [first, first + wide];
   }
 
@@ -142,7 +153,7 @@ export class Timeline {
 
   drawStill(size) {
     const { timeline, selected } = this.source;
-    const key = [...this.span(), this.canvas.width, this.canvas.height, this.colours.dark, selected].join();
+    const key = [...this.span(), this.source.end, this.canvas.width, this.canvas.height, this.colours.dark, selected].join();
     if (key === this.key && timeline === this.drawnTimeline) return;
     this.key = key;
     this.drawnTimeline = timeline;
@@ -159,6 +170,7 @@ export class Timeline {
     c.beginPath();
     c.rect(GUTTER, 0, this.width - GUTTER, this.boxHeight);
     c.clip();
+    this.future(c);
     for (const fault of timeline?.faults ?? []) this.fault(c, fault);
     this.source.run.robots.forEach((robot, place) => this.drawLane(c, place, lanes.get(robot)));
     for (const reign of timeline?.leaders ?? []) this.reign(c, reign);
@@ -212,6 +224,14 @@ export class Timeline {
       c.fillText(clockText(i * step, digits), Math.min(x, this.width - 18), 14);
     }
     c.stroke();
+  }
+
+  /** Shade what lies beyond the end of the run, or has not come yet. */
+  future(c) {
+    const x = this.px(this.source.end);
+    if (x >= this.width - 10) return;
+    c.fillStyle = faded(this.colours.dark ? "#0e1116" : "#ffffff", 0.62);
+    c.fillRect(x, RULER - 4, this.width, this.boxHeight);
   }
 
   fault(c, fault) {
