@@ -6,6 +6,7 @@ its bus. A run is under way while its launcher lives and no report has been writ
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,9 @@ from rmr_world.run_report import REPORT_FILE
 PROCESSES_FILE = "processes.json"
 
 
-def write_processes(folder: Path, endpoint: str, pids: dict[str, int]) -> None:
-    """Write the endpoint and the ids of the processes into the run folder. Raises OSError."""
-    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids}
+def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapping[str, Any]) -> None:
+    """Write the endpoint, the ids of the processes and what runs (`lab`) into the run folder. Raises OSError."""
+    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids, "lab": dict(lab)}
     (folder / PROCESSES_FILE).write_text(json.dumps(record, indent=1) + "\n")
 
 
@@ -25,6 +26,17 @@ def endpoint_of(folder: Path) -> str | None:
     """Return where the world of the run in `folder` listens, or listened; None if no processes ran there."""
     endpoint = _read(folder).get("connect")
     return endpoint if isinstance(endpoint, str) else None
+
+
+def lab_of_run(folder: Path) -> dict[str, Any]:
+    """Return what runs in `folder`: `file`, `robots` (their number), `seed`; empty if no processes ran there."""
+    lab = _read(folder).get("lab")
+    return lab if isinstance(lab, dict) else {}
+
+
+def under_way(folder: Path) -> bool:
+    """Return whether the run in `folder` goes on: its launcher lives, and there is no report yet."""
+    return not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher"))
 
 
 def secret_of(folder: Path) -> Path | None:
@@ -37,7 +49,7 @@ def newest_run(runs: Path) -> Path | None:
     """Return the folder of the newest run under way, of those in `runs`."""
     folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}")]
     for folder in sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True):
-        if not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher")):
+        if under_way(folder):
             return folder
     return None
 

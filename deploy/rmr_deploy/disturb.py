@@ -113,13 +113,14 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
         raise FaultError(str(error), ExitCode.FAILED) from None
     try:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
-            keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
-        return await _answer(bus, keys, question, endpoint)
+            keys = Keys((await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
+        return await ask_world(bus, keys, question, endpoint)
     finally:
         bus.close()
 
 
-async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint: str) -> wire.Disturbances:
+async def ask_world(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint: str) -> wire.Disturbances:
+    """Return the world's answer to `question`. Raises FaultError."""
     replies = await bus.ask(keys.disturbances, question, ASK_S)
     told = [envelope.body for envelope, _ in replies if isinstance(envelope.body, wire.Disturbances)]
     labs = sorted({one.lab for one in told})

@@ -116,7 +116,10 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
     added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
-    told["faults"] = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    told["faults"] = sorted(
+        [*disturbances, *outcome.faults], key=lambda entry: float(entry.get("at", entry.get("from")))
+    )
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 

@@ -22,13 +22,17 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
+from rmr_deploy.page_start import PageStart, open_page
 from rmr_deploy.preparation import RunPlan, free_port
+from rmr_deploy.process_faults import ProcessFaults
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
+from rmr_deploy.run_requests import end_requests, serve_requests
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
 
@@ -73,6 +77,8 @@ class RunOutcome:
     """Wall time from the start of the first process until all were ready."""
     wall_s: float = 0.0
     """Wall time of the whole run."""
+    faults: list[dict[str, Any]] = field(default_factory=list)
+    """Faults of processes on request, in the form of a lab file's entries."""
     report_error: str | None = None
     """Why the report could not be written."""
 
@@ -85,9 +91,14 @@ class LabRun:
         self.outcome = RunOutcome()
         self.monitor: StatusMonitor | None = None
         self._screen = screen
+        self._page: PageStart | None = None
         self._processes = ProcessGroup()
         self._world: Child | None = None
         self._robots: dict[int, Child] = {}
+        self.faults = ProcessFaults(
+            self._robots, self._start_again, lambda: self.monitor.now_s if self.monitor else 0.0
+        )
+        self.outcome.faults = self.faults.entries
         self._returned: set[int] = set()
         """Robots whose process died and whose place a process that was started by hand has taken."""
         self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
@@ -100,11 +111,14 @@ class LabRun:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._interrupt, number.name)
         try:
+            self._page = open_page(self.plan, self._screen.say)
             self._start()
             await self._attend()
             await self._stop()
         finally:
             self._screen.close()
+            if self._page is not None:
+                self._page.close()
             self._processes.kill()
             if self.monitor is not None:
                 self.monitor.close()
@@ -135,11 +149,17 @@ class LabRun:
             child = self._child(f"robot-{spelled(robots)}", agent_command(plan, robots, endpoint))
             self._robots |= dict.fromkeys(robots, child)
         pids = {child.name: child.pid for child in self._processes.children}
-        write_processes(plan.folder, endpoint, pids)
+        lab = {"file": str(plan.lab.path.resolve()), "robots": len(plan.lab.robots), "seed": plan.lab.seed}
+        write_processes(plan.folder, endpoint, pids, lab)
 
-    def _child(self, name: str, command: Sequence[str]) -> Child:
+    def _start_again(self, robot: int, name: str) -> Child:
+        child = self._child(name, agent_command(self.plan, (robot,), self._endpoint), threaded=True)
+        self._screen.say(f"robot {robot} is started again, pid {child.pid}")
+        return child
+
+    def _child(self, name: str, command: Sequence[str], *, threaded: bool = False) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
-        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
+        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"), threaded=threaded)
 
     # --- watch ---------------------------------------------------------------------------------------------
 
@@ -208,6 +228,8 @@ class LabRun:
     def _check_processes(self) -> None:
         """Set the reason to end the run early, if there is one: an exit, an interruption, a limit."""
         elapsed_s = time.monotonic() - self._began
+        serve_requests(self.plan.folder, self.faults.perform)
+        self.faults.resume()
         self._report_exits()
         self._note_returned()
         if self.outcome.reason:
@@ -237,7 +259,8 @@ class LabRun:
             if self.monitor is not None:
                 for robot in self._robots_of(child):
                     self.monitor.retire(robot)
-        if news and not (self.plan.options.keep_going and self._can_go_on()):
+        on_purpose = self.plan.options.keep_going or all(child.name in self.faults.killed for child in news)
+        if news and not (on_purpose and self._can_go_on()):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
     def _note_returned(self) -> None:
@@ -279,6 +302,7 @@ class LabRun:
 
     async def _stop(self) -> None:
         """Stop the robots, then the world: ask each, wait for its last status, then send signals."""
+        self.faults.resume(everything=True)
         monitor = self.monitor
         robots = list({child.name: child for child in self._robots.values()}.values())
         if monitor is not None and not self._gone(self._world):  # without the router no message arrives
@@ -337,6 +361,7 @@ class LabRun:
                     self._screen.say(f"{child.name}: {line}")
                 with suppress(OSError):
                     child.output.unlink()
+        end_requests(self.plan.folder)
         if not self.plan.logs.is_dir():
             self._screen.say(f"{self.plan.folder} was removed during the run: its logs and compiled program are lost")
         for name, why in self.monitor.cut_logs() if self.monitor is not None else ():

@@ -51,6 +51,14 @@ class RunOptions:
     """Over how many processes the robots are spread, neighbours in the roster together; None: each has its own."""
     keep_going: bool = False
     """Whether the others go on when a robot has died."""
+    view: bool = False
+    """Whether the run has a page, even where standard output is no terminal."""
+    no_view: bool = False
+    """Whether the run has no page."""
+    port: int | None = None
+    """The page's port; None: a free one."""
+    control: bool = False
+    """Whether the page may add faults."""
 
 
 @dataclass(frozen=True, slots=True)

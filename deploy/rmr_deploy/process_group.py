@@ -9,8 +9,8 @@ Three mechanisms keep processes from outliving a run:
   closes the write end, and each process reads end-of-file and leaves.
 - *The parent's death signal.* A process that is stopped, or stuck in an action that never returns, reads no
   pipe. On Linux the kernel is therefore asked to kill it with the thread that started it (prctl(2),
-  PR_SET_PDEATHSIG). Hence: start processes from the main thread, and before the bus is opened, which has
-  threads and must not be forked.
+  PR_SET_PDEATHSIG). Hence: start processes from the main thread, and those with `threaded` that start after the
+  bus was opened, which has threads.
 
 Every process leads a session and a process group of its own, so that Ctrl-C in the terminal reaches the launcher alone,
 which then stops the run in order. What a user's action has started is in its robot's group and ends with it.
@@ -30,6 +30,7 @@ from pathlib import Path
 
 from rmr.bus.process import LIFELINE
 from rmr.entry import ExitCode
+from rmr_deploy.parent_death import PR_SET_PDEATHSIG
 
 POLL_S = 0.02
 """Period with which a process that stops is polled; far below what a person notices."""
@@ -39,9 +40,6 @@ TERM_PATIENCE_S = 2.0
 
 KILL_PATIENCE_S = 2.0
 """Limit for a process to end after SIGKILL; only one inside an uninterruptible system call takes longer."""
-
-PR_SET_PDEATHSIG = 1
-"""Option of prctl(2), from linux/prctl.h."""
 
 
 LAST_LINES = 8
@@ -85,8 +83,13 @@ class ProcessGroup:
         self.children: list[Child] = []
         self._read, self._write = os.pipe()
 
-    def start(self, name: str, command: Sequence[str], output: Path) -> Child:
-        """Start `command`; what it writes is appended to `output`. Raises OSError if it cannot be started."""
+    def start(self, name: str, command: Sequence[str], output: Path, *, threaded: bool = False) -> Child:
+        """Start `command`; what it writes is appended to `output`. Raises OSError if it cannot be started.
+
+        `threaded` says that other threads run, as after the bus was opened.
+        """
+        if threaded and sys.platform == "linux":
+            command = [sys.executable, "-P", "-m", "rmr_deploy.parent_death", str(os.getpid()), *command]
         with output.open("ab") as sink:
             process = subprocess.Popen(
                 command,
@@ -96,7 +99,7 @@ class ProcessGroup:
                 env=os.environ | {LIFELINE: str(self._read), "PYTHONUNBUFFERED": "1"},
                 pass_fds=(self._read,),
                 start_new_session=True,
-                preexec_fn=_death_with_parent(),  # noqa: PLW1509 - safe: no other thread runs yet (see above)
+                preexec_fn=None if threaded else _death_with_parent(),  # noqa: PLW1509 - no other thread runs
             )
         child = Child(name, process, output)
         self.children.append(child)

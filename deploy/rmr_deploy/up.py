@@ -36,11 +36,19 @@ def _declare(parser: "Parser") -> None:
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder: new or empty.")
     parser.option("--timeout", dest="timeout_s", metavar="SECONDS", read=real(0, above=True), help="Wall time at most.")
     parser.option("--processes", metavar="N", read=whole(1), help="Spread the robots over N processes only.")
+    parser.flag("--view", help="Print the address of the page, as on a terminal: the run in the browser.")
+    parser.flag("--no-view", help="No page.")
+    parser.option("--port", metavar="PORT", read=whole(0, 65535), help="Of the page (default: a free one).")
+    parser.flag("--control", help="The page may disturb the radio, and kill, restart and stall robots.")
     parser.flag("--keep-going", help="Go on without a robot that died; the exit code is 1 all the same.")
 
 
 def _up(**options: Any) -> int:
     """Run a lab; return the exit code."""
+    from rmr.entry.command_line import CommandLineError
+
+    if options["no_view"] and (options["view"] or options["control"] or options["port"] is not None):
+        raise CommandLineError("--no-view goes without --view, --control and --port")
     from rmr_deploy.lab_run import perform
     from rmr_deploy.preparation import RunOptions
 

@@ -4,6 +4,7 @@ While nobody is connected only the source is refreshed, and more rarely.
 """
 
 import asyncio
+import time
 from typing import Any
 
 from rmr_view.json_text import json_text
@@ -13,6 +14,8 @@ from rmr_view.run_source import RunSource
 
 PERIOD_S = 0.05
 """Period of the messages while there is a client: half of that of poses."""
+REFRESH_S_MIN = 0.04
+"""Least time between two refreshes."""
 IDLE_PERIOD_S = 0.5
 """Period with which the source is refreshed while there is none."""
 CLOCK_PERIOD_S = 0.5
@@ -32,13 +35,16 @@ class Broadcast:
         self._poses_at = -1.0
         self._clock: dict[str, Any] = {}
         self._clock_at = 0.0
-        self._ended = False
+        self._ended = not source.live
         self._joined = asyncio.Event()
+        self._refreshing = asyncio.Lock()
+        self._refreshed = 0.0
+        self.left_at: float | None = time.monotonic()
+        """When the last client has left, on the monotonic clock; None while there is one."""
 
     def join(self) -> PageClient:
         """Return a new client, which gets the newest poses and the clock at once, and all that is new from now on."""
         client = PageClient()
-        self._source.refresh()
         if not self.clients:
             self._sent = {kind: self._source.history.count(kind) for kind in KINDS}
         client.put_newest("clock", json_text(self._source.clock.message()))
@@ -46,17 +52,28 @@ class Broadcast:
         if self._ended:
             client.put_last(self._end())
         self.clients.add(client)
+        self.left_at = None
         self._joined.set()
         return client
 
     def leave(self, client: PageClient) -> None:
         """Forget a client."""
         self.clients.discard(client)
+        if not self.clients:
+            self.left_at = time.monotonic()
+
+    async def refresh(self) -> None:
+        """Take in what is new in the source, unless that was done a moment ago."""
+        async with self._refreshing:
+            now = asyncio.get_running_loop().time()
+            if now >= self._refreshed + REFRESH_S_MIN:
+                self._refreshed = now
+                await self._source.refresh()
 
     async def run(self) -> None:
         """Pass on what is new until it is cancelled."""
         while True:
-            self._source.refresh()
+            await self.refresh()
             if self.clients:
                 self._pass_on()
                 await asyncio.sleep(PERIOD_S)
@@ -78,7 +95,7 @@ class Broadcast:
             for batch in self._batches(kind):
                 for client in self.clients:
                     client.put_entries(batch)
-        if self._source.report is not None and not self._ended:
+        if not self._source.live and not self._ended:
             self._ended = True
             for client in self.clients:
                 client.put_last(self._end())

@@ -24,6 +24,8 @@ FOR_S_MAX = 86_400.0
 
 STEERING = frozenset({"pause", "resume", "step", "speed"})
 """Orders about the time of a simulated run; all others are faults."""
+AT_ROBOTS = frozenset({"kill", "restart", "stall"})
+"""Orders about the process of a robot."""
 
 Check = Callable[[Any, Collection[int]], Any]
 """Returns a field's value, given the robots of the run. Raises ValueError, which says what to write."""

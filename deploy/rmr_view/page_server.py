@@ -7,13 +7,14 @@ import errno
 import logging
 import socket
 import threading
+import time
 from collections.abc import Sequence
 
 import uvicorn
 
 from rmr_view.access_guard import AccessGuard
 from rmr_view.run_source import RunSource
-from rmr_view.web_app import make_app
+from rmr_view.web_app import RunRoutes, make_app
 
 LOOPBACK_ADDRESS = "127.0.0.1"
 STOP_S_MAX = 3.0
@@ -52,8 +53,9 @@ class PageServer:
         self._listener = listener
         logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
         guard = AccessGuard(self.port, token)
+        self._routes = RunRoutes(source, guard)
         config = uvicorn.Config(
-            make_app(source, guard),
+            make_app(self._routes, source, guard),
             access_log=False,
             log_config=None,
             ws="websockets-sansio",
@@ -74,6 +76,17 @@ class PageServer:
         """The address to open, with the token in its fragment."""
         fragment = "" if self.token is None else f"#token={self.token}"
         return f"http://{LOOPBACK_ADDRESS}:{self.port}/{fragment}"
+
+    @property
+    def serves(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    @property
+    def idle_s(self) -> float | None:
+        """Seconds since the last client of the WebSocket has left, or since the start; None while there is one."""
+        left_at = self._routes.broadcast.left_at
+        return None if left_at is None else time.monotonic() - left_at
 
     def start(self) -> None:
         """Start the thread. Connections wait in the socket's queue until the server is ready."""

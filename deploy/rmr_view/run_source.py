@@ -50,14 +50,21 @@ class RunSource(Protocol):
         """Where lab time stands."""
 
     @property
+    def live(self) -> bool:
+        """Whether the run goes on."""
+
+    @property
     def report(self) -> Mapping[str, Any] | None:
         """The report, once the run is over and has one."""
 
     def about(self) -> dict[str, Any]:
         """Return the answer to `/api/run`."""
 
-    def refresh(self) -> None:
-        """Take in what is new. Never blocks for long; called by the server's loop, several times a second."""
+    async def start(self) -> None:
+        """Begin, on the server's loop."""
+
+    async def refresh(self) -> None:
+        """Take in what is new; called several times a second, never twice at once."""
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return the entries of `kind` (trace, frames or log) in [begin, end], the oldest first.
@@ -74,5 +81,5 @@ class RunSource(Protocol):
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Carry out a checked order of `rmr_view.control_order`. Raises RefusedError."""
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Let go of files, threads and processes."""

@@ -5,7 +5,6 @@ import socket
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from rmr.entry import ExitCode
@@ -13,11 +12,9 @@ from rmr_sim.sim_command import perform as simulate
 from rmr_sim.simulation import Simulation
 from rmr_view.access_guard import new_token
 from rmr_view.page_server import PageServer, PageServerError, bind
+from rmr_view.program_text import program_of
 from rmr_view.run_pacer import RunPacer
 from rmr_view.simulated_source import SimulatedSource
-
-PROGRAM_MAX = 1 << 20
-"""Octets of a program's source that is shown."""
 
 
 class SimViewer:
@@ -33,8 +30,7 @@ class SimViewer:
 
     def attach(self, simulation: Simulation) -> None:
         """Start the server and print its address."""
-        path = simulation.lab.program
-        program = {"name": path.name, "source": source_text(path)}
+        program = program_of(simulation.lab.program)
         self._source = SimulatedSource(simulation, self._pacer, program, self._control)
         self._server = PageServer(self._source, self._listener, new_token())
         self._server.start()
@@ -63,16 +59,6 @@ class SimViewer:
         if self._server is not None:
             self._server.stop()
         self._listener.close()
-
-
-def source_text(path: Path) -> str | None:
-    """Return the source of a program; None for byte-code, or where it cannot be read."""
-    if path.suffix == ".rbc":
-        return None
-    try:
-        return path.read_bytes()[:PROGRAM_MAX].decode(errors="replace")
-    except OSError:
-        return None
 
 
 def perform(arguments: argparse.Namespace) -> int:

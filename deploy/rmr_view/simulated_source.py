@@ -102,6 +102,11 @@ class SimulatedSource:
         return RunClock(t, t, self._pacer.running and not self._over, self._pacer.speed)
 
     @property
+    def live(self) -> bool:
+        """Whether the run goes on."""
+        return not self._over
+
+    @property
     def report(self) -> Mapping[str, Any] | None:
         """The report, once the run is over."""
         return self._report
@@ -126,8 +131,11 @@ class SimulatedSource:
             "problems": [],
         }
 
-    def refresh(self) -> None:
+    async def start(self) -> None:
         """Do nothing: the run's thread adds what is new."""
+
+    async def refresh(self) -> None:
+        """Do nothing, as above."""
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return entries of the history."""
@@ -219,7 +227,7 @@ class SimulatedSource:
             case "clear":
                 simulation.end_disturbances()
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Let the run go on without waiting."""
         self._pacer.stop()
 

@@ -134,11 +134,12 @@ class RunRoutes:
         return FileResponse(PAGE / "index.html")
 
     async def _run(self, _request: Request) -> Response:
+        await self.broadcast.refresh()
         return answer(self._source.about())
 
     async def _poses(self, request: Request) -> Response:
         begin, end = window(request)
-        self._source.refresh()
+        await self.broadcast.refresh()
         return Response(
             await asyncio.to_thread(lambda: json_text(self._source.history.poses(begin, end))),
             media_type="application/json",
@@ -146,7 +147,7 @@ class RunRoutes:
 
     async def _timeline(self, request: Request) -> Response:
         reject_unknown(request, ())
-        self._source.refresh()
+        await self.broadcast.refresh()
         now = self._source.clock.end_s
         text = await asyncio.to_thread(lambda: json_text(self._source.history.timeline(now)))
         return Response(text, media_type="application/json")
@@ -154,7 +155,7 @@ class RunRoutes:
     async def _entries(self, request: Request) -> Response:
         begin, end = window(request)
         kind = request.url.path.rsplit("/", 1)[-1]
-        self._source.refresh()
+        await self.broadcast.refresh()
         entries = await self._source.entries(kind, begin, end)
         return answer({"entries": entries[:ENTRIES_MAX], "more": len(entries) > ENTRIES_MAX})
 
@@ -263,16 +264,19 @@ def window(request: Request) -> tuple[float, float]:
     return begin or 0.0, 1e12 if end is None else end
 
 
-def make_app(source: RunSource, guard: AccessGuard) -> ASGIApp:
+def make_app(routes: RunRoutes, source: RunSource, guard: AccessGuard) -> ASGIApp:
     """Return the application."""
-    routes = RunRoutes(source, guard)
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[Mapping[str, Any]]:
+        await source.start()
         passing = asyncio.create_task(routes.broadcast.run())
         try:
             yield {}
         finally:
             passing.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await passing
+            await source.close()
 
     return PageGuard(Starlette(routes=routes.routes(), lifespan=lifespan), guard)

@@ -160,7 +160,7 @@ def test_a_refusal_of_the_world_is_wrong_usage_and_shows_nothing_else(monkeypatc
 def run_folder(runs, name, port, age_s, launcher=None):
     folder = runs / name
     folder.mkdir(parents=True)
-    write_processes(folder, f"tcp/127.0.0.1:{port}", {"world": 1})
+    write_processes(folder, f"tcp/127.0.0.1:{port}", {"world": 1}, {})
     path = folder / PROCESSES_FILE
     if launcher is not None:
         path.write_text(path.read_text().replace(str(os.getpid()), str(launcher)))

@@ -1,0 +1,87 @@
+"""`rmr view [RUN]`: finds the run, and serves its page until Ctrl-C."""
+
+import os
+import socket
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from rmr.entry import ExitCode
+from rmr_deploy.active_runs import PROCESSES_FILE, newest_run, under_way
+from rmr_deploy.page_start import TOKEN_VARIABLE
+from rmr_view.access_guard import new_token
+from rmr_view.live_source import LiveSource, lab_in
+from rmr_view.page_server import PageServer, PageServerError, bind
+from rmr_view.run_source import RunSource
+from rmr_world.finding import LabError
+
+WAIT_S = 0.5
+"""Period with which the end of the page is looked for."""
+
+
+class NoRunError(Exception):
+    """There is nothing to show: one sentence, and the exit code."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+def perform(path: Path | None, port: int | None, control: bool, leave: float | None, listener: int | None) -> int:
+    """Serve the page of a run; return the exit code."""
+    try:
+        source = find_source(path, control)
+        sock = bind(port or 0) if listener is None else socket.socket(fileno=listener)
+    except NoRunError as error:
+        print(f"rmr view: {error}", file=sys.stderr)
+        return error.exit_code
+    except (PageServerError, OSError) as error:
+        print(f"rmr view: {error}", file=sys.stderr)
+        return ExitCode.FAILED
+    token = os.environ.get(TOKEN_VARIABLE) or new_token() if control else None
+    server = PageServer(source, sock, token)
+    server.start()
+    if listener is None:
+        print(f"the page: {server.address}", flush=True)
+    with suppress(KeyboardInterrupt):
+        _wait(server, source, leave)
+    server.stop()
+    return ExitCode.OK
+
+
+def _wait(server: PageServer, source: RunSource, leave_s: float | None) -> None:
+    """Wait for Ctrl-C, or until nobody has looked for `leave_s` seconds at a run that is over."""
+    while True:
+        time.sleep(WAIT_S)
+        if not server.serves:
+            return
+        idle_s = server.idle_s
+        if leave_s is not None and not source.live and idle_s is not None and idle_s >= leave_s:
+            return
+
+
+def find_source(path: Path | None, control: bool) -> RunSource:
+    """Return the source of the run that is named, or of the newest one under way. Raises NoRunError."""
+    if path is None:
+        path = newest_run(Path("runs"))
+        if path is None:
+            message = "no lab runs here (in ./runs); start one with rmr up LAB, or name a recording: rmr view RUN"
+            raise NoRunError(message, ExitCode.FAILED)
+    if not path.exists():
+        raise NoRunError(f"there is no {path}", ExitCode.USAGE)
+    if (path / PROCESSES_FILE).is_file() and under_way(path):
+        return _live(path, control)
+    if control:
+        raise NoRunError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)
+    raise NoRunError(f"{path}: recordings cannot be shown yet", ExitCode.INVALID)
+
+
+def _live(folder: Path, control: bool) -> RunSource:
+    try:
+        lab = lab_in(folder)
+    except (LabError, OSError) as error:
+        raise NoRunError(f"the lab of {folder} cannot be read: {error}", ExitCode.INVALID) from None
+    if lab is None:
+        raise NoRunError(f"{folder / PROCESSES_FILE} does not say which lab runs: was it started by rmr up?", 3)
+    return LiveSource(folder, lab, control)
