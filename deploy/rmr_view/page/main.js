@@ -11,7 +11,7 @@ import { RadioPanel } from "./radio.js";
 import { RobotPanel, Roster } from "./robot.js";
 import { clockText, intervalAt, leadersAt, stateText } from "./run_facts.js";
 import { advance, choose, clock, counts, frames, poses, reconnectNow, routesAt, seek, start, toggleLayer } from "./session.js";
-import { get, set, useKeys } from "./store.js";
+import { get, set, subscribe, useKeys } from "./store.js";
 import { GUTTER, Timeline } from "./timeline.js";
 import { Steering, Transport, hand } from "./transport.js";
 
@@ -193,11 +193,19 @@ function TimelineView() {
         showTip(tip.current, lines, x, y - box.current.scrollTop);
       },
     });
-    const size = () => (canvas.current.style.height = `${timeline.height(Math.max(150, Math.min(innerHeight * 0.3, 400)))}px`);
+    // A lane that is chosen elsewhere comes into view.
+    let chosen = null;
+    const forget = subscribe(() => {
+      const { selected } = get();
+      if (selected !== chosen) box.current.scrollTop = timeline.scrollFor(selected, box.current);
+      chosen = selected;
+    });
+    const size = () => (canvas.current.style.height = `${timeline.height(Math.max(170, innerHeight * 0.3))}px`);
     size();
     addEventListener("resize", size);
     return () => {
       removeEventListener("resize", size);
+      forget();
       timeline = null;
     };
   }, []);

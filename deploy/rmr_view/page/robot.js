@@ -10,12 +10,12 @@ import { Why } from "./why.js";
 /** The robots of the run, to choose one. */
 export function Roster() {
   const { run, selected, timeline, nowSlow } = useKeys("run", "selected", "timeline", "nowSlow");
-  return html`<div class="roster" role="listbox" aria-label="Robots">
+  return html`<div class=${run.robots.length > 22 ? "roster many" : "roster"} role="listbox" aria-label="Robots">
     ${run.robots.map((robot) => {
       const kind = intervalAt(timeline, robot, nowSlow)?.kind;
       const label = `Robot ${robot}, ${stateText(kind)}`;
       return html`<button key=${robot} role="option" class="chip ${kind ?? "free"}" aria-selected=${robot === selected ? "true" : "false"}
-        aria-label=${label} title=${label} onClick=${() => choose(robot === selected ? null : robot)}><${Badge} robot=${robot} /></button>`;
+        aria-label=${label} title=${label} onClick=${() => choose(robot === selected ? null : robot)}><${Badge} robot=${robot} small=${run.robots.length > 22} /></button>`;
     })}
   </div>`;
 }

@@ -135,11 +135,20 @@ async function renewTimeline() {
   timelineTimer = null;
   timelineAsked = performance.now();
   try {
-    set({ timeline: await ask("timeline") });
+    const known = clock.end;
+    const timeline = await ask("timeline");
+    if (clock.running) markOpen(timeline, known);
+    set({ timeline });
   } catch (error) {
     fail(error);
   }
   timelineTook = performance.now() - timelineAsked;
+}
+
+/** Intervals that reach to the present go on until the next answer; `known` is older than the answer. */
+function markOpen(timeline, known) {
+  for (const lane of timeline.lanes) for (const one of lane.intervals) one.open = one.end_s >= known;
+  for (const one of timeline.leaders) if (one.end_s >= known) one.end_s = null;
 }
 
 let detailsBusy = false;

@@ -12,7 +12,7 @@ import { star } from "./floor.js";
 export const GUTTER = 46;
 const RULER = 24;
 const LANE_MAX = 28;
-const LANE_MIN = 12;
+const LANE_MIN = 11;
 const STEPS_S = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];
 const STRENGTH = { asking: 0.16, waiting: 0.26, claiming: 0.55, inside: 1 };
 
@@ -123,6 +123,15 @@ export class Timeline {
     const robots = this.source.run?.robots ?? [];
     const place = Math.floor((y - RULER) / this.lane);
     return y >= RULER && place < robots.length ? place : null;
+  }
+
+  /** Where `box` has to be scrolled to so that the lane of `robot` is in it. */
+  scrollFor(robot, box) {
+    const place = this.source.run?.robots.indexOf(robot) ?? -1;
+    if (place < 0 || !this.lane) return box.scrollTop;
+    const top = this.top(place);
+    if (top < box.scrollTop + RULER) return top - RULER;
+    return Math.max(box.scrollTop, top + this.lane + 6 - box.clientHeight);
   }
 
   click(x, y) {
@@ -256,7 +265,7 @@ export class Timeline {
     const inset = this.lane > 16 ? 5 : this.lane > 8 ? 2 : 1;
     for (const one of lane?.intervals ?? []) {
       const begin = Math.max(GUTTER, this.px(one.begin_s));
-      const end = Math.min(this.width, this.px(one.end_s));
+      const end = Math.min(this.width, this.px(one.open ? this.source.end : one.end_s));
       if (end < GUTTER || begin > this.width) continue;
       const box = [begin, this.top(place) + inset, Math.max(1, end - begin), this.lane - 2 * inset];
       this.interval(c, one.kind, robotColour(lane.robot), box);
@@ -388,10 +397,10 @@ export class Timeline {
     for (const one of lane?.deadlines ?? []) {
       if (Math.abs(one.deadline_s - t) < near * (b - a)) lines.push(deadlineText(one, this.source.end));
     }
-    const interval = lane?.intervals.find((one) => one.begin_s <= t && t < one.end_s);
+    const interval = lane?.intervals.find((one) => one.begin_s <= t && (t < one.end_s || one.open));
     if (interval) {
       const event = interval.event ? `, ${interval.event}` : "";
-      lines.push(`Robot ${robot} ${stateText(interval.kind)}${event}: ${clockText(interval.begin_s)} to ${clockText(interval.end_s)}`);
+      lines.push(`Robot ${robot} ${stateText(interval.kind)}${event}: ${clockText(interval.begin_s)} to ${interval.open ? "now" : clockText(interval.end_s)}`);
     }
     if (robot !== null && leadersAt(timeline, t).has(robot)) lines.push(`Robot ${robot} leads`);
     for (const fault of timeline.faults ?? []) {

@@ -55,7 +55,7 @@ export function Steering() {
   return html`<div class="steering" role="group" aria-label="Simulation">
     <span>Simulation</span>
     <button class="plain" onClick=${() => order({ do: runPaused ? "resume" : "pause" })}>${runPaused ? "Resume" : "Pause"}</button>
-    <button class="plain" disabled=${!runPaused} title="one tick of 1/60 s" onClick=${() => order({ do: "step" })}>Step</button>
+    <button class="plain" title="advance by one tick of 1/60 s, and pause" onClick=${() => order({ do: "step" })}>Step</button>
     <label>Speed <select value=${runSpeed} onChange=${(event) => order({ do: "speed", speed: Number(event.target.value) })}>
       ${near.map((one) => html`<option value=${one}>${one}×</option>`)}
     </select></label>
