@@ -17,6 +17,7 @@ from rmr.bus.process import (
     run_to_end,
     start_logging,
 )
+from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -39,7 +40,8 @@ def _load(options: argparse.Namespace) -> RobotSetup:
 async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await live(options.id, options.connect, options.lab, setup, ending, secret)
+    recorder = None if options.record is None else ProcessRecorder(options.record, f"robots-{spelled(options.id)}")
+    await live(options.id, options.connect, options.lab, setup, ending, secret, recorder)
 
 
 def perform(options: argparse.Namespace) -> int:

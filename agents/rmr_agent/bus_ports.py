@@ -12,6 +12,7 @@ from typing import Final
 from rmr.base.geometry import STILL, Twist
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.bus import wire
+from rmr.node.frame_log import FrameLog
 from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
 from rmr.radio.station import Station
@@ -41,6 +42,8 @@ class RadioLink:
         self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
         self.overhear: Callable[[Instant, Received], bool] = lambda _now, _frame: False
         """Takes in a frame for which the node need not be called; what it refuses waits for the node's call."""
+        self.frames: FrameLog | None = None
+        """Takes note of each transmission, where the robot is recorded."""
         self.malformed = 0
         """Announcements that cannot be: of a time that is far from come."""
 
@@ -56,7 +59,10 @@ class RadioLink:
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Queue `payload`; see `rmr.node.ports.RadioPort`."""
-        self.station.request(self._now(), payload, destination, handle)
+        now = self._now()
+        if self.frames is not None:
+            self.frames.requested(now, payload, handle)
+        self.station.request(now, payload, destination, handle)
 
     def receive(self) -> list[Received]:
         """Return what has arrived since the last call."""
@@ -84,8 +90,12 @@ class RadioLink:
         for out in self.station.advance(now, x, y):
             if isinstance(out, Announcement):
                 self._publish(out)
+                if self.frames is not None:
+                    self.frames.announced(out)
             elif isinstance(out, Confirmed):
                 self._confirmed.append(out)
+                if self.frames is not None:
+                    self.frames.confirmed(now, out)
             elif self._received or not self.overhear(now, out):
                 self._received.append(out)
 

@@ -17,6 +17,8 @@ from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
+from rmr.mind.mind_log import MindSink
+from rmr.mind.recorded_node import RecordedNode
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.crossing import approach
@@ -153,7 +155,9 @@ class Incarnation:
         clock: LabClock,
         send: "Outlets",
         fail: Callable[[BaseException], None],
+        minds: MindSink | None = None,
     ) -> None:
+        """`minds` takes the log of the node's inputs (`rmr.mind`); without it there is none."""
         self._clock = clock
         self._fail = fail
         self._loop = asyncio.get_running_loop()
@@ -167,10 +171,17 @@ class Incarnation:
         self._beacons = len(config.arena.beacons)
         self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
-        self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
+        ports = Ports(self.link, self.body, self._spent)
+        self.node: Node
+        if minds is None:
+            self.node = Node(config, loaded.program, ports, handlers, loaded.digest)
+        else:
+            self.node = RecordedNode(config, loaded.program, ports, handlers, loaded.digest, minds)
         self.link.overhear = self.node.overhear
         approach.foresee(config.arena)
         self.started = False
+        self.after_turn: Callable[[Instant], None] | None = None
+        """Called after each turn with the instant of the node's last call, where the robot is recorded."""
         self.turns = 0
         """How often the node has been called."""
 
@@ -229,6 +240,8 @@ class Incarnation:
     def end(self) -> None:
         """Do nothing more."""
         self._over = True
+        if isinstance(self.node, RecordedNode):
+            self.node.end_log(refused=self.link.malformed)
         self._air.leave()
         if self._timer is not None:
             self._timer.cancel()
@@ -245,6 +258,8 @@ class Incarnation:
             self._wakes = NEVER
         try:
             self._advance()
+            if self.after_turn is not None and self.started:
+                self.after_turn(self.node.now)
         except (Exception, SystemExit) as error:  # an action that calls exit() does not take the report with it
             self._fail(error)
             return

@@ -54,6 +54,7 @@ def _declare(parser: "Parser") -> None:
     parser.option(
         "--lab", read=lambda text: Keys(text).lab, metavar="NAME", help="the lab, where several run at one endpoint"
     )
+    parser.option("--record", read=Path, metavar="FILE.mcap", help="record the robots; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
 
 

@@ -22,6 +22,7 @@ from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending, LogFile, Throttle
+from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
@@ -31,6 +32,7 @@ from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, floor_grid, make_station, node_config, phase_of
 from rmr_agent.local_air import LocalAir
 from rmr_agent.radio_security import make_security
+from rmr_agent.robot_recording import RobotRecording
 from rmr_agent.status_publisher import StatusPublisher
 
 SAY_AGAIN_S = 5.0
@@ -81,9 +83,17 @@ class HostedRobot:
     """One robot of the process, with a seat of its own on the bus."""
 
     def __init__(
-        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, setup: RobotSetup, ending: Ending
+        self,
+        robot: int,
+        first: int,
+        bus: Bus,
+        connect: str,
+        lab: str | None,
+        setup: RobotSetup,
+        ending: Ending,
+        recorder: ProcessRecorder | None = None,
     ) -> None:
-        """`first` is the first robot of the process."""
+        """`first` is the first robot of the process; `recorder` is shared by all of them."""
         self._robot = robot
         self._first = first
         self._connect = connect
@@ -100,6 +110,7 @@ class HostedRobot:
         self._lost = False
         self._restarts = 0
         self._incarnation: Incarnation | None = None
+        self._recording = RobotRecording(robot, recorder)
         self._last_published: tuple[Any, ...] = ()
         self._published_s = 0.0
         self._failures: list[str] = []
@@ -210,11 +221,13 @@ class HostedRobot:
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
             handlers = fresh()
+            minds = self._recording.open(known, envelope.run, self._clock)
             fail = self._ending.break_down
-            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail)
+            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail, minds)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return
+        self._recording.follow(self._incarnation)
         self._restarts = known.lives
         self._bus.losses = Losses()  # what the last run lost is not this one's
         self._clock.forget()
@@ -303,6 +316,7 @@ class HostedRobot:
         news = (state, progress(incarnation.node, now) if incarnation.started else "", finished)
         due = time.monotonic() - self._published_s >= STATUS_AT_LEAST_S
         self._log_trace(incarnation)
+        self._recording.status(now)
         if not (final or due or news != self._last_published):
             return
         self._last_published = news
@@ -332,6 +346,7 @@ class HostedRobot:
         """Write what the node has noted since the last time into the log."""
         if incarnation.link.station.mute:
             self._say_failure("the radio's frame counter is used up: the robot sends nothing more; start it again")
+        self._recording.trace(incarnation.node.trace_log)
         for entry in incarnation.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
             if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
@@ -364,5 +379,6 @@ class HostedRobot:
         if self._incarnation is not None:
             self._incarnation.end()
             await self._publish_status(final=True)
+            self._recording.end()
             await asyncio.sleep(FLUSH_S)
         self._bus.close()

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Throttle
+from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there, watch_admission
 from rmr_agent.robot import SAY_AGAIN_S, HostedRobot, RobotSetup
@@ -25,6 +26,7 @@ async def live(
     setup: RobotSetup,
     ending: Ending,
     secret: Secret | None = None,
+    recorder: ProcessRecorder | None = None,
 ) -> None:
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
     whose = f"lab {lab}'s" if lab else "the"
@@ -38,15 +40,18 @@ async def live(
     bus = opening.result()
     buses = [bus, *map(bus.seat, robots[1:])]
     seated = zip(robots, buses, strict=True)
-    hosted = [HostedRobot(robot, robots[0], seat, connect, lab, setup, ending) for robot, seat in seated]
+    hosted = [HostedRobot(robot, robots[0], seat, connect, lab, setup, ending, recorder) for robot, seat in seated]
+    tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
     lives = asyncio.gather(*(robot.run() for robot in hosted))
     asking = asyncio.ensure_future(_pass_on(ending, hosted))
     admission = asyncio.ensure_future(watch_admission(bus, connect, secret, lambda why: log.warning("%s", why)))
     try:
         await lives
     finally:
-        asking.cancel()
-        admission.cancel()
+        for task in (asking, admission, *tasks):
+            task.cancel()
+        if recorder is not None:
+            recorder.end()
     ending.ask(hosted[-1].leaving.reason)
 
 

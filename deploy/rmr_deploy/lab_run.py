@@ -10,13 +10,20 @@ Times are lab time, except `wall_s` and `ready_s`.
 """
 
 import asyncio
+import shlex
 import sys
 from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
 
+from rmr.base.time import seconds
 from rmr.entry import ExitCode
+from rmr.record.joining import join_run
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.record_writer import RecordWriter
+from rmr.record.recording import LAUNCHER_PROCESS
+from rmr.record.run_about import about_run
 from rmr_deploy.launch import LabRun, RunOutcome
 from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
 from rmr_deploy.screen import make_screen, table
@@ -67,7 +74,32 @@ async def run_and_report(plan: RunPlan) -> tuple[RunOutcome, dict[str, Any]]:
         run_report.write(record, plan.folder)
     except OSError as error:
         outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
+    if not plan.options.no_record:
+        outcome.recording = await asyncio.to_thread(join_recording, plan, outcome)
     return outcome, record
+
+
+def join_recording(plan: RunPlan, outcome: RunOutcome) -> list[str]:
+    """Join what the processes have recorded; return sentences on what is missing."""
+    again = f"rmr record join {shlex.quote(str(plan.folder))}"
+    if outcome.hurried:
+        return [f"the recording is not joined; to join it: {again}"]
+    _record_faults(plan, outcome)
+    try:
+        return list(join_run(plan.folder, plan.options.record).problems)
+    except RecordingError as error:
+        return [f"{error}; to join the recording: {again}"]
+
+
+def _record_faults(plan: RunPlan, outcome: RunOutcome) -> None:
+    """Write the faults of processes on request into a part of the recording."""
+    part = plan.part(f"{LAUNCHER_PROCESS}.1")
+    if part is None or not outcome.faults:
+        return
+    writer = RecordWriter(part, about_run(plan.lab.name, "processes", plan.lab.seed, plan.lab.roster, LAUNCHER_PROCESS))
+    for entry in outcome.faults:
+        writer.write("/faults", seconds(entry.get("at", entry.get("from", 0.0))), {"fault": entry})
+    writer.close()
 
 
 def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
@@ -79,7 +111,7 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
     print(f"{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
-    for line in run_warnings(record):
+    for line in (*run_warnings(record), *(f"recording: {problem}" for problem in outcome.recording)):
         print(f"rmr up: {line}", file=sys.stderr)
     if as_json:
         print(run_report.to_json(record), end="")

@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from rmr.base.ids import spelled
@@ -31,7 +30,7 @@ from rmr_deploy.active_runs import write_processes
 from rmr_deploy.page_start import PageStart, open_page
 from rmr_deploy.preparation import RunPlan, free_port
 from rmr_deploy.process_faults import ProcessFaults
-from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
+from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how, said
 from rmr_deploy.run_requests import end_requests, serve_requests
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
@@ -50,9 +49,6 @@ FINAL_S_MAX = 2.0
 
 LEAVE_S_MAX = 1.5
 """Limit for a process to exit by itself after its last status; then it gets SIGTERM."""
-
-SAID_MAX = 5
-"""Error lines of each process that are shown at the end at most; all are in its log."""
 
 DRAW_S = 0.2
 """Period with which the robots' lines on the screen are redrawn."""
@@ -81,6 +77,8 @@ class RunOutcome:
     """Faults of processes on request, in the form of a lab file's entries."""
     report_error: str | None = None
     """Why the report could not be written."""
+    recording: list[str] = field(default_factory=list)
+    """What is missing in the recording, in sentences."""
 
 
 class LabRun:
@@ -144,22 +142,26 @@ class LabRun:
         plan = self.plan
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
-        self._world = self._child("world", world_command(plan, endpoint))
+        self._world = self._child("world", "world", world_command(plan, endpoint))
         for robots in plan.process_robots:
-            child = self._child(f"robot-{spelled(robots)}", agent_command(plan, robots, endpoint))
+            ids = spelled(robots)
+            child = self._child(f"robot-{ids}", f"robots-{ids}", agent_command(plan, robots, endpoint))
             self._robots |= dict.fromkeys(robots, child)
         pids = {child.name: child.pid for child in self._processes.children}
         lab = {"file": str(plan.lab.path.resolve()), "robots": len(plan.lab.robots), "seed": plan.lab.seed}
         write_processes(plan.folder, endpoint, pids, lab)
 
     def _start_again(self, robot: int, name: str) -> Child:
-        child = self._child(name, agent_command(self.plan, (robot,), self._endpoint), threaded=True)
+        part = name.replace("robot-", "robots-", 1)
+        child = self._child(name, part, agent_command(self.plan, (robot,), self._endpoint), threaded=True)
         self._screen.say(f"robot {robot} is started again, pid {child.pid}")
         return child
 
-    def _child(self, name: str, command: Sequence[str], *, threaded: bool = False) -> Child:
+    def _child(self, name: str, part: str, command: Sequence[str], *, threaded: bool = False) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
-        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"), threaded=threaded)
+        recording = self.plan.part(part)
+        options = ["--log", str(log), *([] if recording is None else ["--record", str(recording)])]
+        return self._processes.start(name, [*command, *options], log.with_suffix(".out"), threaded=threaded)
 
     # --- watch ---------------------------------------------------------------------------------------------
 
@@ -371,15 +373,6 @@ class LabRun:
 def _names(robots: Sequence[int]) -> str:
     """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
     return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
-
-
-def said(output: Path) -> list[str]:
-    """Return the last lines of a process's plain output that report a failure or a refused process."""
-    try:
-        lines = output.read_text(errors="replace").splitlines()
-    except OSError:
-        return []
-    return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]
 
 
 def world_command(plan: RunPlan, endpoint: str) -> list[str]:

@@ -14,6 +14,10 @@ from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
+from rmr.record.record_writer import RecordWriter
+from rmr.record.recording import LAUNCHER_PROCESS, PARTS_FOLDER
+from rmr.record.run_about import about_run
+from rmr.record.run_files import attach_files
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path, load_lab
@@ -49,6 +53,9 @@ class RunOptions:
     """Wall time of the run at most."""
     processes: int | None = None
     """Over how many processes the robots are spread, neighbours in the roster together; None: each has its own."""
+    record: Path | None = None
+    """The recording, in place of `run.mcap` in the run folder."""
+    no_record: bool = False
     keep_going: bool = False
     """Whether the others go on when a robot has died."""
     view: bool = False
@@ -88,6 +95,10 @@ class RunPlan:
         """The folder of the logs, one JSON-lines file per process."""
         return self.folder / "logs"
 
+    def part(self, process: str) -> Path | None:
+        """Return the file in which `process` records its part of the run; None if nothing is recorded."""
+        return None if self.options.no_record else self.folder / PARTS_FOLDER / f"{process}.mcap"
+
     @property
     def process_robots(self) -> list[tuple[int, ...]]:
         """The robots of each process, in the order of the roster."""
@@ -119,12 +130,27 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
         _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)
+        _begin_recording(plan)
     except RunFolderError as error:
         raise RunRefusedError(str(error), ExitCode.USAGE) from error
     except OSError as error:
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
     return plan
+
+
+def _begin_recording(plan: RunPlan) -> None:
+    """Make the folder of the processes' recordings, with a file that holds what the run was made of. Raises OSError."""
+    file = plan.part(LAUNCHER_PROCESS)
+    if file is None:
+        return
+    if plan.options.record is not None:
+        plan.options.record.open("ab").close()  # what cannot be written is told before the run
+    file.parent.mkdir()
+    lab = plan.lab
+    writer = RecordWriter(file, about_run(lab.name, "processes", lab.seed, lab.roster, LAUNCHER_PROCESS))
+    attach_files(writer, lab.arena, plan.program.octets, lab.path, lab.program, plan.options.actions)
+    writer.close()
 
 
 def _keep_private(plan: RunPlan) -> None:

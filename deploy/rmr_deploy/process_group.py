@@ -42,6 +42,9 @@ KILL_PATIENCE_S = 2.0
 """Limit for a process to end after SIGKILL; only one inside an uninterruptible system call takes longer."""
 
 
+SAID_MAX = 5
+"""Error lines of each process that are shown at the end at most; all are in its log."""
+
 LAST_LINES = 8
 """Lines of a process's output in its exit report: the end of a traceback, or what led to the exit."""
 
@@ -213,3 +216,12 @@ def last_lines(output: Path) -> list[str]:
     except OSError:  # the run folder has been removed
         return []
     return [line for line in text.splitlines() if line.strip()][-LAST_LINES:]
+
+
+def said(output: Path) -> list[str]:
+    """Return the last lines of a process's plain output that report a failure or a refused process."""
+    try:
+        lines = output.read_text(errors="replace").splitlines()
+    except OSError:
+        return []
+    return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]

@@ -34,6 +34,8 @@ def _declare(parser: "Parser") -> None:
     parser.flag("--json", dest="as_json", help="The report on standard output, all else on standard error.")
     parser.flag("--strict", help="Exit code 4 when a deadline was missed or robots touched.")
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder: new or empty.")
+    parser.option("--record", metavar="FILE", read=Path, help="The recording, in place of run.mcap in the run folder.")
+    parser.flag("--no-record", help="Write no recording.")
     parser.option("--timeout", dest="timeout_s", metavar="SECONDS", read=real(0, above=True), help="Wall time at most.")
     parser.option("--processes", metavar="N", read=whole(1), help="Spread the robots over N processes only.")
     parser.flag("--view", help="Print the address of the page, as on a terminal: the run in the browser.")
@@ -49,6 +51,8 @@ def _up(**options: Any) -> int:
 
     if options["no_view"] and (options["view"] or options["control"] or options["port"] is not None):
         raise CommandLineError("--no-view goes without --view, --control and --port")
+    if options["record"] is not None and options["no_record"]:
+        raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
     from rmr_deploy.lab_run import perform
     from rmr_deploy.preparation import RunOptions
 

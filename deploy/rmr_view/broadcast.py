@@ -9,7 +9,7 @@ from typing import Any
 
 from rmr_view.json_text import json_text
 from rmr_view.page_client import EntryBatch, PageClient
-from rmr_view.run_history import Triple
+from rmr_view.run_history import KINDS, Triple
 from rmr_view.run_source import RunSource
 
 PERIOD_S = 0.05
@@ -22,7 +22,6 @@ CLOCK_PERIOD_S = 0.5
 """Greatest time between two messages of the clock, while it runs."""
 BATCH_MAX = 500
 """Entries in one message at most."""
-KINDS = ("trace", "frames", "log")
 
 
 class Broadcast:

@@ -18,23 +18,29 @@ from rmr.base.arena import to_data
 from rmr.base.time import NEVER, in_seconds, seconds
 from rmr.bus import wire
 from rmr.bus.endpoint import BusError
-from rmr.bus.keys import Keys
+from rmr.bus.keys import ROBOT_ROLE, Keys, last_id
 from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 from rmr.radio.links import Disturbance
+from rmr.record.growing_recording import GrowingRecording
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.recording import part_files
 from rmr_deploy.active_runs import endpoint_of, lab_of_run, secret_of, under_way
 from rmr_deploy.disturb import FaultError, ask_world
 from rmr_deploy.run_requests import RequestError, put_request
 from rmr_view.control_order import AT_ROBOTS
+from rmr_view.mind_worker import MindWorker
 from rmr_view.program_text import program_of
+from rmr_view.recorded_messages import take
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import REPORT_FILE
 
-LIVES_S = 0.5
+LOOK_S = 0.5
 """Period with which the run's files are looked at."""
+NOT_RECORDED = "this run was not recorded: trace, radio, logs and facts of robots are missing"
 
 
 def lab_in(folder: Path) -> Lab | None:
@@ -65,6 +71,11 @@ class LiveSource:
         self._report: Mapping[str, Any] | None = None
         self._looked = 0.0
         self._clock = "waiting"
+        self._dead: set[int] = set()
+        self._growing: GrowingRecording | None = None
+        self._unread: str | None = None
+        """Why the recording cannot be read, yet."""
+        self._minds = MindWorker(folder)
         self.history = RunHistory(lab.roster)
 
     # --- the bus ---
@@ -85,6 +96,7 @@ class LiveSource:
             self._problems.append(f"no live data: {error}")
             return
         self._bus.subscribe(self._keys.truth, self._truth)
+        self._bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     def _truth(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
@@ -93,14 +105,42 @@ class LiveSource:
             poses = {robot: (x, y, heading) for robot, x, y, heading, _driven in body.robots}
             self.history.add_poses(max(0.0, in_seconds(body.stamp)), poses)
 
+    def _alive(self, key: str, alive: bool) -> None:
+        """Show in the robot's lane that its process has ended, or that another one has taken its place."""
+        robot = last_id(key)
+        if robot is None or self._bus is None or not (self._bus.connected and self._clock == "running"):
+            return
+        if alive != (robot in self._dead):
+            return
+        (self._dead.discard if alive else self._dead.add)(robot)
+        fault = "restarted" if alive else "killed"
+        self.history.add_trace([{"t": self.clock.t, "robot": robot, "what": "fault", "fault": fault}])
+
+    # --- the files ---
+
     async def refresh(self) -> None:
         """Read what the run's files have got; take note of its end."""
         now = time.monotonic()
-        if not self._live or now < self._looked + LIVES_S:
+        if not self._live or now < self._looked + LOOK_S:
             return
         self._looked = now
-        if not await asyncio.to_thread(under_way, self._folder):
+        ended = not await asyncio.to_thread(under_way, self._folder)
+        await asyncio.to_thread(self._read)
+        if ended:
             await self._end()
+
+    def _read(self) -> None:
+        try:
+            if self._growing is None:
+                if not part_files(self._folder):
+                    return
+                self._growing = GrowingRecording(self._folder)
+            for message in self._growing.news():
+                take(self.history, message.topic, message.at, message.data)
+        except (RecordingError, OSError) as error:
+            self._unread = str(error)
+        else:
+            self._unread = None
 
     async def _end(self) -> None:
         self._live = False
@@ -116,8 +156,11 @@ class LiveSource:
             self._bus = None
 
     async def close(self) -> None:
-        """Leave the bus."""
+        """Leave the bus, and close the files."""
         self._leave()
+        self._minds.close()
+        if self._growing is not None:
+            self._growing.close()
 
     # --- what there is to see ---
 
@@ -154,20 +197,31 @@ class LiveSource:
             "robots": list(lab.roster),
             "floor": to_data(lab.arena),
             "program": self._program,
-            "problems": list(self._problems),
+            "problems": self._problems if self._growing or self._live else [*self._problems, NOT_RECORDED],
         }
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return entries of the history."""
         return await asyncio.to_thread(self.history.between, kind, begin, end, ENTRIES_MAX + 1)
 
-    async def robot(self, robot: int, t: float | None) -> dict[str, Any]:  # noqa: ARG002
-        """Return what a robot knew and did at `t`."""
-        raise RefusedError("this run is not recorded", 501)
+    async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
+        """Return what a robot knew and did at `t`, from the replay of its mind so far."""
+        at = self.clock.t if t is None else t
+        found = await self._minds.state(robot, t)
+        truth, estimate = self.history.pose(robot, at)
+        return {
+            "robot": robot,
+            "t": at,
+            **found,
+            "route": self.history.route(robot, at),
+            "pose": truth,
+            "estimate": estimate,
+            **self.history.status(robot, at),
+        }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:  # noqa: ARG002
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""
-        raise RefusedError("this run is not recorded", 501)
+        return await self._minds.why(robot, fact, t, options)
 
     # --- orders ---
 

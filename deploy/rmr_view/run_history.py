@@ -15,10 +15,17 @@ from rmr_view.turn_intervals import TurnIntervals
 
 SAMPLES_MAX = 36_000
 """Samples of each robot's track: one hour at 10 Hz. Every second sample of the older half goes when there are more."""
+GAP_S = 0.05
+"""Least distance of a late sample from those before and after it: half of the period of samples."""
 POINTS_MAX = 60_000
 """Poses in one answer, over all robots: about 1.5 MB of JSON. Of more, every n-th sample is sent."""
 KEPT_MAX = 200_000
 """Entries of one kind: some 100 MB. The oldest half goes when there are more."""
+
+STATUSES_MAX = 10_000
+"""States, and routes, of each robot that are kept at most; the oldest half goes when there are more."""
+KINDS = ("trace", "frames", "log", "routes")
+"""Kinds of entries."""
 
 Triple = tuple[float, float, float]
 """x and y in metres, heading in radians."""
@@ -71,8 +78,9 @@ class PoseTracks:
         return self._t[-1] if self._t else -1.0
 
     def add(self, t: float, poses: Mapping[int, Triple]) -> None:
-        """Append a sample of those robots whose pose is known; one that is not newer is left out."""
+        """Add a sample of those robots whose pose is known, unless there is one at about that instant."""
         if t <= self.end:
+            self._fill(t, poses)
             return
         self._t.append(t)
         for robot, columns in self._columns.items():
@@ -80,6 +88,18 @@ class PoseTracks:
                 column.append(value)
         if len(self._t) > SAMPLES_MAX:
             self._thin()
+
+    def _fill(self, t: float, poses: Mapping[int, Triple]) -> None:
+        """Insert a sample that has come late into a gap."""
+        index = bisect_left(self._t, t)
+        after = self._t[index] - t
+        before = t - self._t[index - 1] if index else GAP_S
+        if min(after, before) < GAP_S:
+            return
+        self._t.insert(index, t)
+        for robot, columns in self._columns.items():
+            for column, value in zip(columns, poses.get(robot, (nan, nan, nan)), strict=True):
+                column.insert(index, value)
 
     def _thin(self) -> None:
         half = len(self._t) // 2
@@ -122,7 +142,11 @@ class RunHistory:
         self.robots = tuple(robots)
         self._truth = PoseTracks(robots)
         self._estimates = {robot: PoseTracks([robot]) for robot in robots}
-        self._logs = {"trace": EntryLog(), "frames": EntryLog(), "log": EntryLog()}
+        self._logs = {kind: EntryLog() for kind in KINDS}
+        self._routes: dict[int, list[dict[str, Any]]] = {}
+        self._statuses: dict[int, list[tuple[float, dict[str, Any]]]] = {}
+        self.malformed = 0
+        """Number of messages of a recording that are none of rmr's."""
         self._timeline = TurnIntervals(robots)
         self._newest: tuple[float, dict[int, Triple]] = (-1.0, {})
         self._guessed: dict[int, Triple] = {}
@@ -155,6 +179,20 @@ class RunHistory:
             if kind == "trace":
                 for entry in entries:
                     self._timeline.add(entry)
+            elif kind == "routes":
+                for entry in entries:
+                    _append(self._routes.setdefault(entry["robot"], []), entry)
+
+    def add_trace(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Take in entries of the trace for the timeline alone."""
+        with self._lock:
+            for entry in entries:
+                self._timeline.add(entry)
+
+    def add_status(self, t: float, robot: int, status: dict[str, Any]) -> None:
+        """Take in the state of a robot."""
+        with self._lock:
+            _append(self._statuses.setdefault(robot, []), (t, status))
 
     def add_fault(self, fault: dict[str, Any]) -> None:
         """Take in a fault as the report lists it."""
@@ -179,6 +217,20 @@ class RunHistory:
         with self._lock:
             tracks = self._estimates.get(robot)
             return self._truth.at(robot, t), None if tracks is None else tracks.at(robot, t)
+
+    def route(self, robot: int, t: float) -> list[list[float]] | None:
+        """Return the points of the route that `robot` followed at `t`; None if there was none."""
+        with self._lock:
+            routes = self._routes.get(robot, [])
+            index = bisect_right(routes, t, key=lambda entry: float(entry["t"])) - 1
+            return routes[index]["points"] or None if index >= 0 else None
+
+    def status(self, robot: int, t: float) -> dict[str, Any]:
+        """Return the state of `robot` at `t`; empty if it is unknown."""
+        with self._lock:
+            statuses = self._statuses.get(robot, [])
+            index = bisect_right(statuses, t, key=lambda pair: pair[0]) - 1
+            return statuses[index][1] if index >= 0 else {}
 
     def poses(self, begin: float, end: float) -> dict[str, Any]:
         """Return the answer to `/api/poses`: `POINTS_MAX` poses at most; `step` is 1 if no sample was left out."""
@@ -216,3 +268,9 @@ class RunHistory:
         """Return the number of entries of `kind` that are no longer kept."""
         with self._lock:
             return self._logs[kind].dropped
+
+
+def _append(entries: list[Any], entry: Any) -> None:
+    entries.append(entry)
+    if len(entries) > STATUSES_MAX:
+        del entries[: STATUSES_MAX // 2]

@@ -21,6 +21,16 @@ class RefusedError(Exception):
         self.status = status
 
 
+class WhyOptions(NamedTuple):
+    """How a fact is to be explained, as `rmr why` has it."""
+
+    absent: bool = False
+    """Why it does not hold."""
+    depth: int = 3
+    more: str | None = None
+    """The number at which an answer was cut."""
+
+
 class RunClock(NamedTuple):
     """Where lab time stands."""
 
@@ -75,7 +85,7 @@ class RunSource(Protocol):
     async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
         """Return what a robot knew and did at `t` (None: now). Raises RefusedError."""
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact. Raises RefusedError."""
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:

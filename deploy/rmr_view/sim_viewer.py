@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any
 
 from rmr.entry import ExitCode
+from rmr.record.record_writer import RecordWriter
 from rmr_sim.sim_command import perform as simulate
 from rmr_sim.simulation import Simulation
 from rmr_view.access_guard import new_token
@@ -28,10 +29,12 @@ class SimViewer:
         self._source: SimulatedSource | None = None
         self._server: PageServer | None = None
 
-    def attach(self, simulation: Simulation) -> None:
+    def attach(self, simulation: Simulation, writer: RecordWriter | None) -> None:
         """Start the server and print its address."""
         program = program_of(simulation.lab.program)
         self._source = SimulatedSource(simulation, self._pacer, program, self._control)
+        if writer is not None:
+            writer.tap = self._source.recorded
         self._server = PageServer(self._source, self._listener, new_token())
         self._server.start()
         print(f"the page: {self._server.address}", file=sys.stderr, flush=True)

@@ -17,20 +17,20 @@ from rmr.radio.links import Disturbance
 from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_view.fact_fold import robot_at
+from rmr_view.recorded_messages import FAULT_KEYS, take
 from rmr_view.run_history import RunHistory, Triple
 from rmr_view.run_pacer import RunPacer
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 from rmr_world.faults import fault_entry
 
 POSE_PERIOD = NS_PER_S // 10
 """Period of the samples of a track, in lab time."""
 SHOW_S = 0.04
 """Period of the poses that are shown live, in wall time."""
+TAPPED = frozenset({"/frames", "/log", "/routes", "/status"})
+"""Channels of the recording that are passed on to the page."""
 ROUTE_MAX = 200
 """Points of a route at most."""
-
-FAULT_WORDS = {"killed": "kill", "restarted": "restart", "stalled": "stall", "slowed": "slow", "silenced": "outage"}
-"""The word of a `FaultRecord` -> the key of a lab file's entry."""
 
 
 class SimulatedSource:
@@ -70,12 +70,17 @@ class SimulatedSource:
         elif time.monotonic() >= self._shown + SHOW_S or not self._pacer.running:
             self._shown = time.monotonic()
             self.history.set_newest(t, self._poses())
-        if news := simulation.trace_from(self._entries):
+        if news := simulation.new_entries(self._entries):
             self._entries += len(news)
             self.history.add_entries("trace", news)
         for record in simulation.fault_records[self._faults :]:
             self._faults += 1
             self.history.add_fault(_entry(record))
+
+    def recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
+        """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
+        if topic in TAPPED:
+            take(self.history, topic, at, message)
 
     def _poses(self) -> dict[int, Triple]:
         pose = self._simulation.world.pose
@@ -148,7 +153,14 @@ class SimulatedSource:
             trace = await asyncio.to_thread(self.history.between, "trace", 0.0, t, 1 << 60)
             found = await asyncio.to_thread(robot_at, trace, robot, t)
             truth, estimate = self.history.pose(robot, t)
-            return {"robot": robot, "t": t, **found, "route": None, "pose": truth, "estimate": estimate}
+            return {
+                "robot": robot,
+                "t": t,
+                **found,
+                "route": self.history.route(robot, t),
+                "pose": truth,
+                "estimate": estimate,
+            }
         trace = await asyncio.to_thread(self.history.between, "trace", 0.0, now, 1 << 60)
         found = await asyncio.to_thread(robot_at, trace, robot, now)
         present: dict[str, Any] = await self._ask(lambda: self._present(robot))
@@ -186,7 +198,7 @@ class SimulatedSource:
             "estimate": None if pose is None else tuple(pose),
         }
 
-    async def why(self, robot: int, fact: str, t: float | None) -> dict[str, Any]:  # noqa: ARG002
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:  # noqa: ARG002
         """Refuse: an explanation needs a recording."""
         raise RefusedError(f"why {fact!r:.60} of robot {robot}: this run has no recording to explain it from", 501)
 
@@ -241,7 +253,7 @@ def _entry(record: FaultRecord | Disturbance) -> dict[str, Any]:
     """Return a fault in the form of a lab file's entry."""
     if isinstance(record, Disturbance):
         return fault_entry(record)
-    key = FAULT_WORDS[record.fault]
+    key = FAULT_KEYS[record.fault]
     if record.until >= NEVER:
         return {"at": in_seconds(record.at), key: record.robot}
     return {"from": in_seconds(record.at), "to": in_seconds(record.until), key: record.robot}

@@ -13,6 +13,7 @@ from rmr_deploy.page_start import TOKEN_VARIABLE
 from rmr_view.access_guard import new_token
 from rmr_view.live_source import LiveSource, lab_in
 from rmr_view.page_server import PageServer, PageServerError, bind
+from rmr_view.recorded_source import RecordedSource, RecordingError
 from rmr_view.run_source import RunSource
 from rmr_world.finding import LabError
 
@@ -74,7 +75,12 @@ def find_source(path: Path | None, control: bool) -> RunSource:
         return _live(path, control)
     if control:
         raise NoRunError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)
-    raise NoRunError(f"{path}: recordings cannot be shown yet", ExitCode.INVALID)
+    try:
+        return RecordedSource(path)
+    except RecordingError as error:
+        raise NoRunError(str(error), ExitCode.INVALID) from None
+    except OSError as error:
+        raise NoRunError(f"{path}: {error.strerror or error}", ExitCode.USAGE) from None
 
 
 def _live(folder: Path, control: bool) -> RunSource:

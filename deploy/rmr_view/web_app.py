@@ -2,7 +2,7 @@
 
     GET  /  /static/...                          the page: files of the folder `page`
     GET  /api/run  /api/poses  /api/timeline     what there is to see
-    GET  /api/trace  /api/frames  /api/log       entries
+    GET  /api/trace /frames /log /routes         entries
     GET  /api/robot/ID  /api/why                 one robot's mind
     WS   /ws                                     what is new, as it comes
     POST /api/control                            orders
@@ -14,6 +14,7 @@ the header Content-Security-Policy forbids it.
 import asyncio
 import contextlib
 import json
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from math import isfinite
 from pathlib import Path
@@ -32,7 +33,7 @@ from rmr_view.broadcast import Broadcast
 from rmr_view.control_order import STEERING, checked_order
 from rmr_view.json_text import json_text
 from rmr_view.page_client import PageClient
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunSource
+from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunSource, WhyOptions
 
 PAGE = Path(__file__).with_name("page")
 """The files of the page."""
@@ -40,6 +41,10 @@ BODY_MAX = 65_536
 """Octets of an order at most."""
 CLIENTS_MAX = 500
 """WebSockets at once: more are a mistake of some program, and each costs memory."""
+DEPTH_MAX = 100
+"""Levels of an explanation at most."""
+MORE = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?")
+"""The number of an item of an explanation."""
 FACT_MAX = 2_000
 """Characters of a fact in a query at most."""
 HEADERS = (
@@ -123,6 +128,7 @@ class RunRoutes:
             Route("/api/trace", told(self._entries)),
             Route("/api/frames", told(self._entries)),
             Route("/api/log", told(self._entries)),
+            Route("/api/routes", told(self._entries)),
             Route("/api/robot/{robot}", told(self._robot)),
             Route("/api/why", told(self._why)),
             Route("/api/control", told(self._control), methods=["POST"]),
@@ -165,12 +171,12 @@ class RunRoutes:
         return answer(await self._source.robot(robot, instant_of(request, "t")))
 
     async def _why(self, request: Request) -> Response:
-        reject_unknown(request, ("robot", "fact", "t"))
+        reject_unknown(request, ("robot", "fact", "t", "not", "depth", "more"))
         fact = request.query_params.get("fact", "").strip()
         if not fact or len(fact) > FACT_MAX:
             raise RefusedError(f"fact: write a fact, such as at(@4, exit), of {FACT_MAX} characters at most")
         robot = self._known_robot(request.query_params.get("robot", ""))
-        return answer(await self._source.why(robot, fact, instant_of(request, "t")))
+        return answer(await self._source.why(robot, fact, instant_of(request, "t"), why_options(request)))
 
     def _known_robot(self, text: str) -> int:
         robot = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else None
@@ -252,6 +258,21 @@ def instant_of(request: Request, name: str) -> float | None:
     if not (isfinite(value) and value >= 0.0):
         raise RefusedError(f"{name}: write seconds of lab time from 0 on, such as 12.5, not {text!r:.40}")
     return value
+
+
+def why_options(request: Request) -> WhyOptions:
+    """Return how a fact is to be explained. Raises RefusedError."""
+    query = request.query_params
+    absent = query.get("not", "0")
+    depth = query.get("depth", "3")
+    more = query.get("more")
+    if absent not in {"0", "1"}:
+        raise RefusedError("not: write 1, or leave it out")
+    if not (depth.isascii() and depth.isdecimal() and len(depth) < 4 and int(depth) <= DEPTH_MAX):
+        raise RefusedError(f"depth: write a whole number from 0 to {DEPTH_MAX}")
+    if more is not None and not MORE.fullmatch(more):
+        raise RefusedError("more: write the number at which an answer was cut, such as 17 or 3.17")
+    return WhyOptions(absent == "1", int(depth), more)
 
 
 def window(request: Request) -> tuple[float, float]:

@@ -28,6 +28,7 @@ COMMANDS: dict[str, str] = {
 PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
     "fault": "Disturb the radio of a lab that runs.",
+    "why": "Say why a fact of a run holds, or why it does not.",
     "sim": "Run a lab deterministically, in virtual time.",
     "new": "Write a lab of your own that runs at once.",
     "lab": "Check, draw, list and copy labs; the schema of the lab file.",

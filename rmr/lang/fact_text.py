@@ -3,6 +3,8 @@
 Robots carry no parser. The process that starts them converts text to values, with the types of their program.
 """
 
+from typing import NamedTuple
+
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pattern, Predicate, Program, Slot, Type
 from rmr.bytecode.provided import PREDICATES
@@ -13,7 +15,7 @@ from rmr.lang.analyse.types import ROBOT, converted, fits, literal_type
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.parser import parse
 from rmr.lang.read.source_text import SourceText, Span
-from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, Literal, Mark, Variable, walk
+from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, GoalItem, Literal, Mark, Variable, walk
 
 
 class FactError(Exception):
@@ -90,19 +92,77 @@ def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ..
     return name, tuple(patterns)
 
 
-def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
-    """Return index and row of the predicate of `fact`, after a check of kind and arity."""
+class FactPattern(NamedTuple):
+    """A fact, goal or action with variables, which match anything."""
+
+    predicate: int
+    goal: bool
+    """Whether it was written with ``?``."""
+    owner: int | None
+    """None: any robot."""
+    args: tuple[Pattern, ...]
+    """Without the owner. Slot 0 is the owner; any other slot is a variable with several occurrences."""
+
+
+def fact_pattern(text: str, program: Program) -> FactPattern:
+    """Return the pattern in `text`: a fact ``at(@4, A)``, a goal ``?at(@4, exit)`` or an action ``moveto(R, _)``.
+
+    Raises FactError.
+    """
+    found = Diagnostics()
+    stripped = text.strip()
+    if not stripped:
+        raise FactError("there is nothing in it; write a fact such as `at(@4, exit)`")
+    module = parse(SourceText("<fact>", stripped if stripped.endswith(".") else stripped + "."), found)
+    problems = found.in_order()
+    if problems:
+        raise FactError(problems[0].message)
+    item = module.items[0] if len(module.items) == 1 else None
+    if not isinstance(item, FactItem | GoalItem) or item.fact.mark is Mark.KEEP:
+        raise FactError("this is not a fact such as `at(@4, exit)`")
+    fact = item.fact
+    index, predicate = _known(fact, program, [each.name for each in program.predicates])
+    if predicate.kind is Kind.ACTION and fact.mark is not Mark.NONE:
+        raise FactError(f"`{predicate.name}` is an action: write it without a mark")
+    _check_bang(fact, predicate)
+    _check_arity(fact, predicate)
+    owner = fact.arguments[0]
+    slots: dict[str, Slot] = {}
+    if isinstance(owner, Variable) and not owner.anonymous:
+        slots[owner.name] = Slot(SELF_SLOT)
+    args: list[Pattern] = []
+    for argument, kind in zip(fact.arguments[1:], predicate.types, strict=True):
+        if not isinstance(argument, Variable):
+            args.append(Constant(_value(argument, kind, predicate)))
+        else:
+            args.append(ANY if argument.anonymous else slots.setdefault(argument.name, Slot(len(slots) + 1)))
+    return FactPattern(index, isinstance(item, GoalItem), _robot(owner), tuple(args))
+
+
+def _known(fact: FactNode, program: Program, known: list[str]) -> tuple[int, Predicate]:
+    """Return index and row of the predicate of `fact`; `known` are the names that it may have been meant for."""
     name = fact.name.text
     index = program.index(name)
     if index is None:
-        known = [each.name for each in program.predicates if each.kind is not Kind.ACTION]
         hint = meant(name, known) or ("every robot provides it, but no rule uses it" if name in PREDICATES else None)
         raise FactError(f"the program knows no fact `{name}`", "E015", fact.name.span, hint)
-    predicate = program.predicates[index]
+    return index, program.predicates[index]
+
+
+def _check_bang(fact: FactNode, predicate: Predicate) -> None:
+    if fact.mark is Mark.BANG and predicate.kind is not Kind.PERSISTENT:
+        kind = predicate.kind.name.lower()
+        raise FactError(f"`{predicate.name}` is a {kind} fact, not a persistent one", "E012")
+
+
+def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
+    """Return index and row of the predicate of `fact`, after a check of kind and arity."""
+    name = fact.name.text
+    known = [each.name for each in program.predicates if each.kind is not Kind.ACTION]
+    index, predicate = _known(fact, program, known)
     if predicate.kind is Kind.ACTION:
         raise FactError(f"`{name}` is an action, not a fact", "E012", fact.name.span)
-    if fact.mark is Mark.BANG and predicate.kind is not Kind.PERSISTENT:
-        raise FactError(f"`{name}` is a {predicate.kind.name.lower()} fact, not a persistent one", "E012")
+    _check_bang(fact, predicate)
     _check_arity(fact, predicate)
     return index, predicate
 

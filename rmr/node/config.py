@@ -14,6 +14,7 @@ from rmr.node.profile import Profile, profile_of
 from rmr.node.trace import TraceLevel
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
+from rmr.vm.provenance import ProvenanceLog
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
@@ -61,6 +62,8 @@ class NodeConfig:
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
 
+    provenance: ProvenanceLog | None = None
+    """Log of where facts and actions come from; with one the program is interpreted, whatever `engine` says."""
     without: frozenset[str] = frozenset()
     """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
     firings: dict[str, int] = field(default_factory=dict)

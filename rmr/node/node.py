@@ -34,6 +34,7 @@ from rmr.node.ports import Confirmed, Ports, Received
 from rmr.node.robot_state import RobotState
 from rmr.node.runtime_system import RuntimeSystem
 from rmr.node.services import RobotServices
+from rmr.vm.provenance import GivenCause
 
 
 class Node:
@@ -103,6 +104,8 @@ class Node:
             self.senses.replace(now, "peer", [(Robot(other),) for other in others])
         for name, owner, args in self.config.facts:
             if owner is None or owner == self.robot:
+                if self.state.provenance is not None:
+                    self.state.provenance.because(GivenCause("lab"))
                 self.insert(now, name, args)
         self._presence.start(now)
         self.next_wake = now

@@ -34,8 +34,11 @@ class RobotState:
         self.notes = Trace(config.robot, config.trace)
         choices = Choices(f"{config.seed}/robot{config.robot}/vm")
         traced = config.trace is TraceLevel.FACTS
-        self.machine = new_machine(program, config.robot, choices, engine=config.engine, trace=traced)
-        self.senses = SensedFacts(program, self.machine)
+        self.provenance = config.provenance
+        self.machine = new_machine(
+            program, config.robot, choices, engine=config.engine, trace=traced, log=config.provenance
+        )
+        self.senses = SensedFacts(program, self.machine, config.provenance)
         self.finish = FinishFact(config.finish, program, self.machine, self.senses)
         self.peers = Peers()
         self.driver: Driver | None = None if body is None else Driver(config, body)
@@ -74,3 +77,5 @@ class RobotState:
         """Tell whoever checks the run that `event` has happened."""
         if self.config.witness is not None:
             self.config.witness(self.robot, self.now, event)
+        if self.provenance is not None:
+            self.provenance.told(self.now, event)

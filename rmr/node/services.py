@@ -23,6 +23,7 @@ from rmr.node.parts import Radio
 from rmr.node.peers.perception import Percept
 from rmr.node.peers.presence import Presence
 from rmr.node.robot_state import RobotState
+from rmr.vm.provenance import HandlerCause
 
 NO_WHEELS: Final = "the robot has no wheels"
 
@@ -69,11 +70,16 @@ class RobotServices:
         """Note something for whoever watches the robot (`rmr.node.trace`)."""
         self._robot_state.trace(now, what, **fields)
 
-    def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
-        """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
+    def insert(self, now: Instant, name: str, args: Sequence[Value], by: RunningAction | None = None) -> None:
+        """Insert a fact of this robot from outside, or `by` the handler of an action.
+
+        Raises ValueError when the program does not know it.
+        """
         index = self.program.index(name)
         if index is None:
             raise ValueError(f"the program knows no predicate {name}")
+        if by is not None and self._robot_state.provenance is not None:
+            self._robot_state.provenance.because(HandlerCause(by.serial))
         self._robot_state.machine.insert(now, index, tuple(args))
         self._robot_state.mark_dirty()
 
@@ -88,6 +94,8 @@ class RobotServices:
         text = running.text(self.robot)
         self.action_log.begin(self.now, text)
         self.trace(self.now, "action", action=text)
+        if self._robot_state.provenance is not None:
+            self._robot_state.provenance.action(self.now, running.serial, "begun")
         return NodeHandle(self, running)
 
     def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:

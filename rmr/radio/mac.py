@@ -145,6 +145,11 @@ class Mac:
             self._begin_next(now)
         return True
 
+    @property
+    def queued(self) -> int:
+        """Number of requests that wait for the present one to be over."""
+        return len(self._queue)
+
     def fire(self, busy: bool) -> Transmission | Confirmed | None:
         """Handle what is due at `next_wake`; `busy` is the channel there, if the state is ``BACKOFF``."""
         if self.state is State.BACKOFF:

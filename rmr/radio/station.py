@@ -131,6 +131,11 @@ class Station:
         """Whether it sends nothing any more because its frame counter is used up."""
         return self._security is not None and self._security.used_up
 
+    @property
+    def queued(self) -> int:
+        """Number of requests that wait for the channel."""
+        return self._mac.queued
+
     def move(self, x: float, y: float) -> None:
         """Set the station's true position, metres; `advance` does so as well."""
         self._x = x

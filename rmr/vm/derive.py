@@ -116,6 +116,14 @@ class Inner(NamedTuple):
     """Items that each match of a comprehension, or the whole aggregate, derives."""
 
 
+class InnerMatch(NamedTuple):
+    """A match of a comprehension or aggregate."""
+
+    part: int
+    """Place of the comprehension or aggregate in the head."""
+    facts: tuple[Fact, ...]
+
+
 class PlannedRule:
     """A rule with its bodies planned: immutable, shared by all robots of a program."""
 
@@ -136,10 +144,19 @@ class PlannedRule:
         )
 
     def derive(
-        self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure
+        self,
+        store: Store,
+        env: Env,
+        found: Sequence[Fact],
+        now: Instant,
+        on_failure: OnFailure,
+        matches: list[InnerMatch] | None = None,
     ) -> FiringEffect | None:
-        """Return the effect of the match `found` with slots `env`; None if an expression of the head has no value."""
-        firing = _Firing(store, env, found, now, on_failure, self.taken)
+        """Return the effect of the match `found` with slots `env`; None if an expression of the head has no value.
+
+        The matches of comprehensions and aggregates are appended to `matches`.
+        """
+        firing = _Firing(store, env, found, now, on_failure, self.taken, matches)
         for part, item in enumerate(self.head):
             try:
                 firing.add(part, item)
@@ -153,7 +170,14 @@ class _Firing:
     """Accumulator of one firing's effect."""
 
     def __init__(
-        self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
+        self,
+        store: Store,
+        env: Env,
+        found: Sequence[Fact],
+        now: Instant,
+        on_failure: OnFailure,
+        taken: tuple[int, ...],
+        matches: list[InnerMatch] | None,
     ) -> None:
         self.result = FiringEffect([found[place] for place in taken], [])
         self._store = store
@@ -161,6 +185,7 @@ class _Firing:
         self._found = found
         self._now = now
         self._on_failure = on_failure
+        self._found_inside = matches
         self._matches = 0
         """Matches of comprehensions and aggregates so far, weighted by the items that each derives (`MATCHES_MAX`)."""
 
@@ -220,6 +245,8 @@ class _Firing:
             facts = [found[place] for place in inner.taken]
             taken.update([fact.serial for fact in facts])
             consumed.extend(facts)
+            if self._found_inside is not None:
+                self._found_inside.append(InnerMatch(part, tuple(found)))
             yield env, value
 
     def _value(self, planned: PlannedItem, env: Env) -> Derived:

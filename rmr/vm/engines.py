@@ -12,6 +12,8 @@ from rmr.vm.generate.plan import is_small
 from rmr.vm.generated import machine_of
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.observed import ObservedMachine
+from rmr.vm.provenance import ProvenanceLog
 
 
 class Engine(Enum):
@@ -29,8 +31,14 @@ def new_machine(
     engine: Engine = Engine.GENERATED,
     firing_budget: int = FIRING_BUDGET,
     trace: bool = False,
+    log: ProvenanceLog | None = None,
 ) -> Machine:
-    """Return a machine for a verified `program`; it draws from `choices` and fires `firing_budget` times in one run."""
+    """Return a machine for a verified `program`; it draws from `choices` and fires `firing_budget` times in one run.
+
+    With a provenance `log` the machine is interpreted, whatever `engine` says.
+    """
+    if log is not None:
+        return ObservedMachine(program, robot, choices, log, firing_budget=firing_budget, trace=trace)
     made = _generated(program) if engine is Engine.GENERATED else Interpreted
     return made(program, robot, choices, firing_budget=firing_budget, trace=trace)
 

@@ -152,6 +152,21 @@ class Interpreter:
         self._mark(state)  # its match is used up
         return state.index, candidate.derivation
 
+    def planned(self, rule: int) -> PlannedRule:
+        """Return the plan of a rule."""
+        return self._states[rule].planned
+
+    def chosen(self, rule: int) -> Candidate:
+        """Return the match with which `rule` fires, which `select` has just returned."""
+        candidate = self._states[rule].candidate
+        assert candidate is not None
+        return candidate
+
+    def rivals(self, rule: int) -> list[tuple[int, int]]:
+        """Return the other rules that were satisfied when `select` has just returned `rule`, with their ranks."""
+        found = [(state.index, state.candidate) for state in self._states if state.index != rule]
+        return [(index, candidate.rank) for index, candidate in found if candidate is not None]
+
     def _mark(self, state: RuleState) -> None:
         if not state.stale:
             state.stale = True

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from source_tree import modules, own_module
 
-HOSTS = {"rmr.eval", "rmr_agent", "rmr_sim"}
+HOSTS = {"rmr.eval", "rmr.mind", "rmr_agent", "rmr_sim"}
 """Parts that make nodes; nothing else imports `rmr.node.node`."""
 
 

@@ -43,6 +43,8 @@ def declare(parser: Parser) -> None:
     parser.option("--port", read=whole(0, 65535), metavar="PORT", help="of the page (default: a free one)")
     parser.option("--speed", read=real(0.1, 100), metavar="X", help="of the run in the page (default: 1)")
     parser.flag("--control", help="the page may add faults, too; orders need the token in its address")
+    parser.option("--record", read=Path, metavar="FILE", help="the recording (default: run.mcap in the run folder)")
+    parser.flag("--no-record", help="write no recording")
     parser.flag("--json", help="the report as JSON on standard output")
     parser.flag("--strict", help="exit 4 when a deadline was missed or robots touched")
 
@@ -69,6 +71,10 @@ def check(arguments: argparse.Namespace) -> None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
     if sweep and arguments.view:
         raise CommandLineError("--view shows one run: leave out --seeds and --resume")
+    if sweep and arguments.record is not None:
+        raise CommandLineError("--record is of one run; a sweep records none of its runs")
+    if arguments.record is not None and arguments.no_record:
+        raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
     if sweep and arguments.trace is not None:
         raise CommandLineError("--trace is of one run; a sweep keeps the trace of each seed that fails")
 

@@ -55,9 +55,9 @@ class RobotHost:
         self._trace += node.trace_log
         node.trace_log.clear()
 
-    def trace_from(self, index: int) -> list[dict[str, Any]]:
-        """Return the entries of the run's trace from `index` on, in the order in which they were taken."""
-        return self._trace[index:]
+    def new_entries(self, since: int) -> list[dict[str, Any]]:
+        """Return the entries of the trace of the run that have come after the first `since`."""
+        return self._trace[since:]
 
     def sort_out(self) -> None:
         """Take note that a robot is now served otherwise than before (killed, stalled, slow, or served again)."""

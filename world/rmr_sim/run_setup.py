@@ -13,6 +13,7 @@ from typing import Any
 
 from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
+from rmr.mind.mind_log import MindSink
 from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
@@ -63,8 +64,13 @@ class LoadedLab:
     key: bytes | None = field(repr=False)
     """The key of the radio, if that is secured."""
 
-    def simulation(self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES) -> Simulation:
-        """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
+    def simulation(
+        self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES, minds: MindSink | None = None
+    ) -> Simulation:
+        """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong.
+
+        `minds` takes the logs of the robots' inputs (`rmr.mind`).
+        """
         lab = self.lab
         program = self.program
         handlers = load_handlers(program.program, lab.actions)
@@ -75,7 +81,7 @@ class LoadedLab:
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
         without = self.options.without
         simulation = Simulation(
-            lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh, without
+            lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh, without, minds
         )
         attach_checkers(simulation)
         for event in load_events(lab.events, lab, seed):

@@ -22,11 +22,14 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 from rmr.node.trace import TraceLevel
+from rmr.record.record_writer import RecordWriter
+from rmr.record.recording import RUN_FILE
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import Row, fails, row_of
+from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
 from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
@@ -47,8 +50,8 @@ FAILURES_MAX = 5
 class Viewer(Protocol):
     """Shows a run while it goes on (`rmr_view.sim_view`)."""
 
-    def attach(self, simulation: Simulation) -> None:
-        """Show a run that is about to begin."""
+    def attach(self, simulation: Simulation, writer: RecordWriter | None) -> None:
+        """Show a run that is about to begin; `writer` is its recording."""
 
     def interrupt(self) -> None:
         """Let a run that is held up go on, since it is to end."""
@@ -121,14 +124,18 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, viewer: Viewer | None) -> int:
     """One run."""
-    traced = arguments.trace is not None or viewer is not None
-    simulation = loaded.simulation(arguments.seed, TraceLevel.FACTS if traced else TraceLevel.NOTES)
+    recorder, simulation = _prepared(
+        arguments, loaded, folder, traced=arguments.trace is not None or viewer is not None
+    )
+    if arguments.record is not None and recorder is not None and recorder.writer.failure:
+        print(f"rmr sim: {recorder.writer.failure}", file=sys.stderr)
+        return ExitCode.USAGE
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
         return ExitCode.USAGE
     if viewer is not None:
-        viewer.attach(simulation)
+        viewer.attach(simulation, None if recorder is None else recorder.writer)
     began = time.perf_counter()
     try:
         with Interruption() as interruption:
@@ -137,13 +144,19 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     finally:  # after a breakdown the trace tells what led to it
         trace = simulation.trace()
         unwritten = [] if arguments.trace is None else _attempt(partial(write_trace, trace, arguments.trace))
+        if recorder is not None and sys.exception() is not None:
+            recorder.close(None)
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     if viewer is not None:
         viewer.over(report)
     unwritten += _attempt(partial(write, report, folder))
     going_on = [] if finished else under_way(simulation)
-    for line in [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]:
+    warnings = [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]
+    if recorder is not None:
+        recorder.close(to_json(report).encode(), warnings)
+        warnings += filter(None, [recorder.writer.failure])
+    for line in warnings:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
@@ -160,6 +173,18 @@ def _end(simulation: Simulation, viewer: Viewer | None) -> None:
     simulation.stop()
     if viewer is not None:
         viewer.interrupt()
+
+
+def _prepared(
+    arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, *, traced: bool
+) -> tuple[SimulationRecorder | None, Simulation]:
+    """Return the run, and its recording unless none is wanted."""
+    level = TraceLevel.FACTS if traced else TraceLevel.NOTES
+    if arguments.no_record:
+        return None, loaded.simulation(arguments.seed, level)
+    writer = simulation_writer(loaded, arguments.seed, arguments.record or folder / RUN_FILE)
+    simulation = loaded.simulation(arguments.seed, level, writer.mind)
+    return SimulationRecorder(simulation, loaded, writer), simulation
 
 
 def _attempt(write_file: Callable[[], object]) -> list[str]:

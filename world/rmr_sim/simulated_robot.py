@@ -23,6 +23,7 @@ from rmr.base.kernel import EVENT, ROBOT, Alarm
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
+from rmr.mind.recorded_node import RecordedNode
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
@@ -172,6 +173,7 @@ class SimulatedRobot:
     def kill(self) -> None:
         """Kill the process: its node is not called any more and its station is off."""
         self.alive = False
+        self.end_log()
         self._stalled_until = self._slow_until = 0
         self.station.switch_off()
         self._settle(self._host.now)
@@ -193,6 +195,12 @@ class SimulatedRobot:
         self.node = self._make_node(self._ports, epoch)
         self.node.start(now)
         self._settle(now)
+
+    def end_log(self) -> None:
+        """End the log of the node's inputs, if there is one: the node is not called any more."""
+        node = self.node
+        if isinstance(node, RecordedNode):
+            node.end_log()
 
     def stall(self, until: Instant) -> None:
         """Stop the process until `until`; a longer stop under way is not shortened."""

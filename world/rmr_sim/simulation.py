@@ -16,9 +16,12 @@ from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.coord.timing import Timing
+from rmr.mind.mind_log import MindSink
+from rmr.mind.recorded_node import RecordedNode
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
+from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
@@ -54,11 +57,13 @@ class Simulation(RobotHost):
         timing: Timing | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
         without: frozenset[str] = frozenset(),
+        minds: MindSink | None = None,
     ) -> None:
         """`key` is the lab's, where its radio is secured; `timing` is that of coordination, where it is another one.
 
         `fresh` returns handlers of their own for each life of each robot, as processes have; without it all share
         `handlers`. `without` names rules of motion to leave out.
+        `minds` takes the logs of the robots' inputs (`rmr.mind`); without it there are none.
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
@@ -75,12 +80,15 @@ class Simulation(RobotHost):
         """Callbacks by type of event: called with the robot, the instant and the event."""
         self.fault_records: list[FaultRecord | Disturbance] = []
         """Faults of robots and disturbances of the radio, in the order in which they became known."""
+        self.before_restart: list[Callable[[int], None]] = []
+        """Callbacks before a robot begins its next incarnation, with its id."""
         self.finished = False
         """Whether all robots held the finish fact at one tick."""
         self._stopping = False
         self._happened = 0
         """Events since the last tick."""
         self._fresh = fresh
+        self._minds = minds
         self._bodily = needs_bodies(lab, program, handlers or {})
         self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing(), without))
         self._served: list[SimulatedRobot] = []
@@ -100,12 +108,19 @@ class Simulation(RobotHost):
     ) -> tuple[SimulatedRobot, ...]:
         """Return the robots, each with a function that makes the node of an incarnation."""
         facts = _by_robot(config.facts, config.roster)
+        minds = self._minds
 
         def maker(robot: int) -> MakeNode:
-            own = replace(config, robot=robot, facts=tuple(facts[robot]))
-            return lambda ports, epoch: Node(
-                replace(own, epoch=epoch), program, ports, handlers if self._fresh is None else self._fresh(), digest
-            )
+            lasting = replace(config, robot=robot, facts=tuple(facts[robot]))
+
+            def make(ports: Ports, epoch: int) -> Node:
+                own = replace(lasting, epoch=epoch)
+                acting = handlers if self._fresh is None else self._fresh()
+                if minds is None:
+                    return Node(own, program, ports, acting, digest)
+                return RecordedNode(own, program, ports, acting, digest, minds)
+
+            return make
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
@@ -138,6 +153,13 @@ class Simulation(RobotHost):
 
         A lab without a finish fact is finished when its duration is over.
         """
+        try:
+            return self._run()
+        finally:
+            for robot in self.robots:
+                robot.end_log()
+
+    def _run(self) -> bool:
         for robot in self.robots:
             robot.node.start(0)
             robot.wake_in_frame(0)
@@ -204,6 +226,8 @@ class Simulation(RobotHost):
     def restart(self, robot: int) -> None:
         """Restart `robot`, without memory. Raises ValueError if it lives."""
         self.take_traces()
+        for call in self.before_restart:
+            call(robot)
         self._robot(robot).restart()
         self._note(robot, "restarted")
 

@@ -53,6 +53,7 @@ def _declare(parser: "Parser") -> None:
         help="let in only those who know the secret in FILE, which is made if it does not exist (default: everybody)",
     )
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
+    parser.option("--record", read=Path, metavar="FILE.mcap", help="record the world; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
 
 

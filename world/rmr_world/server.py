@@ -21,6 +21,7 @@ from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, 
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending, LogFile
+from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
 from rmr_world.disturbances import DisturbanceList
@@ -28,6 +29,7 @@ from rmr_world.faults import fault_entry, fault_line
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
+from rmr_world.world_recorder import WorldRecorder
 
 START_DELAY = milliseconds(100)
 """Delay from the decision to start to lab time 0, within which the start reaches all robots."""
@@ -62,7 +64,16 @@ log = logging.getLogger("rmr")
 class WorldServer:
     """One lab's world on the bus."""
 
-    def __init__(self, lab: Lab, seed: int, bus: Bus, ending: Ending, *, when_ready: bool) -> None:
+    def __init__(
+        self,
+        lab: Lab,
+        seed: int,
+        bus: Bus,
+        ending: Ending,
+        *,
+        when_ready: bool,
+        recorder: ProcessRecorder | None = None,
+    ) -> None:
         self._lab = lab
         self._seed = seed
         self._bus = bus
@@ -84,6 +95,7 @@ class WorldServer:
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
         self._map = self._describe()
+        self._recorder = WorldRecorder(recorder, lab, seed, bus.run)
 
     def _describe(self) -> wire.Map:
         """Return the map: the configuration of the run for every robot."""
@@ -113,6 +125,7 @@ class WorldServer:
     async def run(self) -> None:
         """Serve until the process is asked to end."""
         self._serve()
+        self._recorder.begin(lambda: self._time.at(time.monotonic_ns()), self._poses())
         tasks = [asyncio.ensure_future(job) for job in (self._drive(), self._publish_periodically())]
         if not self._when_ready:
             self._start()
@@ -197,10 +210,12 @@ class WorldServer:
         before = disturbed.held
         if wish == "clear":
             disturbed.clear(now)
+            self._recorder.fault(now, {"clear": "all"})
             log.info("rmr fault ends all that it has added, at %.3f s of lab time", in_seconds(max(0, now)))
         elif wish == "add" and wanted is not None:
             refused = disturbed.add(wanted, now)
             if not refused:
+                self._recorder.added(now, disturbed.added[-1])
                 log.info("rmr fault disturbs the radio: %s", fault_line(fault_entry(disturbed.added[-1])))
         if disturbed.held != before:
             self._publish_disturbances()
@@ -285,6 +300,10 @@ class WorldServer:
                 self._publish_sense(robot)
         if self._crossed(TRUTH_EVERY, ticks):
             self._publish_truth(final=False)
+            self._recorder.poses(tick_start(self._tick), self._poses())
+
+    def _poses(self) -> list[tuple[int, Pose]]:
+        return [(robot, self._physics.pose(robot)) for robot in self._lab.roster]
 
     def _crossed(self, every: int, ticks: int) -> bool:
         return self._tick // every != (self._tick - ticks) // every

@@ -23,6 +23,7 @@ from rmr.bus.process import (
     run_to_end,
     start_logging,
 )
+from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
 from rmr.entry import ExitCode
@@ -131,11 +132,18 @@ async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, en
     log.info(
         "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
     )
+    recorder = None if options.record is None else ProcessRecorder(options.record, "world")
+    tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
     try:
         if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
             raise BusError(f"lab {lab.name} has a world at {options.connect} already: end it, or rename this one")
-        await WorldServer(lab, lab.seed, bus, ending, when_ready=options.when_ready).run()
+        server = WorldServer(lab, lab.seed, bus, ending, when_ready=options.when_ready, recorder=recorder)
+        await server.run()
     finally:
+        for task in tasks:
+            task.cancel()
+        if recorder is not None:
+            recorder.end()
         bus.close()
 
 

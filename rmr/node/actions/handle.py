@@ -156,7 +156,7 @@ class RobotHandle:
 
     def insert(self, predicate: str, *args: Value) -> None:
         """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
-        self._node.insert(self._now(), predicate, args)
+        self._node.insert(self._now(), predicate, args, self._running)
 
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""

@@ -19,6 +19,7 @@ from rmr.node.payloads import Delivery, DeliveryRole, WireError
 from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
+from rmr.vm.provenance import DeliveredCause, UndeliveredCause
 
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
@@ -64,16 +65,22 @@ class Deliveries:
                 delivery = Delivery(DeliveryRole.FINISH_AWAITED, event.assertion, event.start_args, event.since)
             case FinishSeen():
                 delivery = Delivery(DeliveryRole.FINISH_SEEN, event.assertion, event.args, event.at)
+        if self._state.provenance is not None:
+            self._state.provenance.sending(now, event)
         self._send(now, int(event.destination), delivery)
 
     def send_action(self, now: Instant, event: ActionDerived) -> None:
         """Send an action to its executor, with its number if a chain waits for its end."""
         number = self._incarnation | event.serial if event.serial else 0
+        if self._state.provenance is not None:
+            self._state.provenance.sending(now, event)
         self._send(now, int(event.executor), Delivery(DeliveryRole.ACTION, event.predicate, event.args, number))
 
     def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
         """Tell the robot that derived an action how it ended."""
         robot, number = origin
+        if self._state.provenance is not None:
+            self._state.provenance.sending(now, None)
         self._send(now, robot, Delivery(DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED, predicate, (), number))
 
     def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
@@ -113,6 +120,8 @@ class Deliveries:
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
         self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
+        if self._state.provenance is not None:
+            self._state.provenance.refused(now, destination, why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)
         if delivery.role is DeliveryRole.ACTION and delivery.number:
@@ -125,6 +134,8 @@ class Deliveries:
         if index is None or program.predicates[index].kind is Kind.ACTION:
             return
         args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
+        if self._state.provenance is not None:
+            self._state.provenance.because(UndeliveredCause(destination, name))
         with suppress(ValueError):  # the program means something else by the name
             self._machine.insert(now, index, args)
 
@@ -151,6 +162,8 @@ class Deliveries:
         machine = self._machine
         index = delivery.index
         args = delivery.args
+        if self._state.provenance is not None:
+            self._state.provenance.because(DeliveredCause(source, *self.exchange.last_accepted))
         match delivery.role:
             case DeliveryRole.FACT:
                 machine.insert(now, index, args)

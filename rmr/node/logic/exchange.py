@@ -121,13 +121,19 @@ class Stage(Enum):
     """How far a delivery has come."""
 
     BEGUN = "begun"
+    REPEATED = "repeated"
+    """Sent again, for want of an acknowledgement."""
     ACCEPTED = "accepted"
     """By the other node, the first copy."""
     ACKNOWLEDGED = "acknowledged"
     GIVEN_UP = "given up"
 
 
-_STAGES: Final = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
+_STAGES: Final = {
+    Outcome.DELIVERED: Stage.ACKNOWLEDGED,
+    Outcome.REPEATED: Stage.REPEATED,
+    Outcome.UNDELIVERED: Stage.GIVEN_UP,
+}
 
 
 class DeliveryProgress(NamedTuple):
@@ -162,6 +168,8 @@ class Exchange:
         self.repeated = 0
         """Deliveries sent again."""
         self.tell: Callable[[DeliveryProgress], None] = lambda _: None
+        self.last_accepted = (0, 0)
+        """Epoch and sequence number of the delivery that `received` has returned last."""
         self.duplicates = 0
         self.late = 0
         """Frames of a sender's earlier life, dropped."""
@@ -201,9 +209,7 @@ class Exchange:
 
     def _tell(self, outcome: Outcome, outgoing: _Outgoing) -> None:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
-        stage = _STAGES.get(outcome)
-        if stage is not None:
-            self.tell(DeliveryProgress(stage, outgoing.destination, self._epoch, outgoing.sequence))
+        self.tell(DeliveryProgress(_STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
     def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
         for frame in outgoing.frames:
@@ -263,6 +269,7 @@ class Exchange:
             return None
         self._remember(source, frame)
         self.delivered += 1
+        self.last_accepted = frame.epoch, frame.sequence
         self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
         self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
         return body

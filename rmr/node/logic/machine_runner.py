@@ -36,6 +36,7 @@ from rmr.vm.machine_events import (
     RuleRepeats,
     VmEvent,
 )
+from rmr.vm.provenance import EffectCause
 from rmr.vm.store import Args
 
 RESTLESS_CALLS: Final = 60
@@ -167,6 +168,8 @@ class MachineRunner:
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
+        if self._state.provenance is not None and running.held(now):
+            self._state.provenance.action(now, event.serial, "held", jobs[0].event)
         self._actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
@@ -182,9 +185,12 @@ class MachineRunner:
         if running.raised:
             self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
         self._crossings.action_ended(now, running)
+        if self._state.provenance is not None:
+            self._state.provenance.action(now, running.serial, "ended", failure)
         if self._state.driver is None:
             predicate = self._program.predicates[action]
-            self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)
+            effects = predicate.effects if failure is None else predicate.else_effects
+            self._suppose(now, effects, running.args, EffectCause(running.serial, failure is None))
         self._machine.complete(now, running.serial, failure is None)
         if running.origin is not None:
             self._deliveries.report_end(now, running.origin, action, ok=failure is None)
@@ -201,12 +207,18 @@ class MachineRunner:
             return None
         if program.predicates[effect].kind is not Kind.SENSED:
             try:
+                self._because(EffectCause(running.serial, True))
                 self._machine.insert(now, effect, running.args)
             except ValueError as error:
                 return f"its effect does not fit: {error}"
         return None
 
-    def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
+    def _because(self, cause: EffectCause) -> None:
+        """State the cause of the machine's next input, where provenance is logged."""
+        if self._state.provenance is not None:
+            self._state.provenance.because(cause)
+
+    def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args, cause: EffectCause) -> None:
         """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
         env: list[Value] = [Robot(self._robot), *args]
         supposed: dict[int, tuple[list[Args], list[Args]]] = {}
@@ -217,6 +229,7 @@ class MachineRunner:
             try:
                 before = self._machine.held(effect.predicate)
                 values = tuple([evaluate(code, env, now) for code in effect.args])
+                self._because(cause)
                 self._machine.insert(now, effect.predicate, values)
             except (NoValue, ValueError) as reason:
                 self.expression_failures += 1
@@ -227,4 +240,5 @@ class MachineRunner:
         for index, (before, wanted) in supposed.items():
             for held in before:
                 if held not in wanted:
+                    self._because(cause)
                     self._machine.withdraw(now, index, held)

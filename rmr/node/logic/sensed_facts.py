@@ -10,6 +10,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.machine import Machine
+from rmr.vm.provenance import SENSED, ProvenanceLog
 
 Args = tuple[Value, ...]
 
@@ -17,8 +18,9 @@ Args = tuple[Value, ...]
 class SensedFacts:
     """Mirrors what a robot senses into its virtual machine."""
 
-    def __init__(self, program: Program, machine: Machine) -> None:
+    def __init__(self, program: Program, machine: Machine, provenance: ProvenanceLog | None = None) -> None:
         self._machine = machine
+        self._provenance = provenance
         self._index = {
             p.name: i
             for i, p in enumerate(program.predicates)
@@ -48,6 +50,8 @@ class SensedFacts:
         held[args] = None
         self.changed = now
         if name in self._index:
+            if self._provenance is not None:
+                self._provenance.because(SENSED)
             self._machine.insert(now, self._index[name], args)
 
     def drop(self, now: Instant, name: str, args: Args) -> None:
@@ -58,6 +62,8 @@ class SensedFacts:
         del held[args]
         self.changed = now
         if name in self._index:
+            if self._provenance is not None:
+                self._provenance.because(SENSED)
             self._machine.withdraw(now, self._index[name], args)
 
     def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:

@@ -1,0 +1,60 @@
+"""The program `rmr-why`: the options of `rmr why`; `rmr_deploy.why_run` carries it out.
+
+Importing this module loads next to nothing (see `rmr.entry`), and its help neither the compiler nor the replay.
+"""
+# ruff: noqa: PLC0415
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from rmr.entry import run
+
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command, Parser
+
+ABOUT = """Say why a fact holds, or why it does not.
+
+The robots of a recorded run are executed anew, those that the answer needs, and the answer is the tree of rules, facts,
+messages and actions that led to the fact, with instants and places in the program. RUN is a run folder, a run.mcap, or
+the id of a robot of the lab that runs here. FACT is a fact, a goal (?at(@4, exit)) or an action; variables and _ match
+anything, and each fact that matches is an answer, the newest first."""
+
+
+def _instant(text: str) -> int:
+    from rmr_world.units import duration
+
+    return duration(float(text) if text.replace(".", "", 1).isdecimal() else text)
+
+
+def _declare(parser: "Parser") -> None:
+    from rmr.entry.command_line import whole
+
+    parser.positional("where", "RUN", read=str, help="A run folder, its run.mcap, or a robot of the lab that runs.")
+    parser.positional("fact", "FACT", read=str, help="Such as 'at(@4, exit)'.")
+    parser.flag("--not", help="Why the fact does not hold: what was missing or in the way.", dest="absent")
+    parser.option("--at", metavar="T", read=_instant, help="The instant of the question, such as 12.3s; else the end.")
+    parser.option("--depth", metavar="N", read=whole(0, 100), default=3, help="Levels that are shown.")
+    parser.option("--more", metavar="N", help="Go on at the number at which an answer was cut.")
+    parser.flag("--json", help="The answer as JSON.", dest="as_json")
+    parser.flag("--dot", help="The answer as a graph for Graphviz.", dest="as_dot")
+
+
+def _perform(**options: Any) -> int:
+    from rmr_deploy.why_run import perform
+
+    return perform(**options)
+
+
+def _command() -> "Command":
+    from rmr.entry.command_line import Command
+
+    return Command(ABOUT, _declare, _perform)
+
+
+def main() -> None:
+    """Run `rmr why`; ends the process."""
+    sys.exit(run("rmr why", lambda: _command().main(name="rmr why")))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""`rmr why`: finds the recording, asks the question, prints the answer."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Final
+
+from rmr.base.ids import shown
+from rmr.base.time import Instant
+from rmr.entry import ExitCode
+from rmr.entry.command_line import CommandLineError
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.recording import Recording, open_recording
+from rmr.why.absence import AbsenceAnswer, why_not
+from rmr.why.past import Past
+from rmr.why.question import WhyError, question
+from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
+from rmr.why.rule_words import seconds_text
+from rmr.why.why_answer import WhyAnswer, why
+from rmr.why.why_dot import absence_dot, why_dot
+from rmr.why.why_text import absence_text, why_text
+from rmr_deploy.active_runs import newest_run
+
+RUNS: Final = Path("runs")
+"""Where `rmr up` puts the folders of runs."""
+
+
+def perform(
+    where: str,
+    fact: str,
+    absent: bool,
+    at: Instant | None,
+    depth: int,
+    more: str | None,
+    as_json: bool,
+    as_dot: bool,
+) -> int:
+    """Answer the question; return the exit code."""
+    if as_json and as_dot:
+        raise CommandLineError("--json and --dot are two forms of the answer: give one of them")
+    if absent and more is not None:
+        raise CommandLineError("--more goes on with an answer of why; --not takes --depth")
+    folder, robot = _run_of(where)
+    try:
+        with open_recording(folder) as recording:
+            return _answer(recording, robot, fact, absent, at, depth, more, as_json, as_dot)
+    except (RecordingError, UnexplainableError) as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.INVALID
+    except WhyError as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.USAGE
+
+
+def _run_of(where: str) -> tuple[Path, int | None]:
+    """Return the recording that is meant, and the robot if its id was given. Raises CommandLineError."""
+    path = Path(where)
+    try:
+        if path.exists():
+            return path, None
+    except (OSError, ValueError):
+        pass
+    if not (where.isascii() and where.isdecimal() and len(where) < 6):
+        raise CommandLineError(f"there is no run at {shown(where)}: give a run folder, such as runs/corridor-...")
+    folder = newest_run(RUNS)
+    if folder is None:
+        raise CommandLineError(f"robot {where}: no lab runs here; give the folder of a run in place of the robot")
+    return folder, int(where)
+
+
+def _answer(
+    recording: Recording,
+    robot: int | None,
+    fact: str,
+    absent: bool,
+    at: Instant | None,
+    depth: int,
+    more: str | None,
+    as_json: bool,
+    as_dot: bool,
+) -> int:
+    histories = ReplayedHistories(recording)
+    past = Past(histories)
+    if robot is not None and robot not in past.robots:
+        raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
+    asked = question(fact, past.program, list(past.robots), robot)
+    answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
+    if not recording.complete:
+        answer.notes.append(f"the recording is not complete: the run is known until {seconds_text(past.known_until)}")
+    if as_json:
+        print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
+        return ExitCode.OK
+    print(_drawn(answer) if as_dot else _written(answer), end="")
+    for problem in histories.problems:
+        print(f"rmr why: {problem}", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _drawn(answer: WhyAnswer | AbsenceAnswer) -> str:
+    return why_dot(answer) if isinstance(answer, WhyAnswer) else absence_dot(answer)
+
+
+def _written(answer: WhyAnswer | AbsenceAnswer) -> str:
+    return why_text(answer) if isinstance(answer, WhyAnswer) else absence_text(answer)

@@ -1,0 +1,124 @@
+"""Replays and explanations in a process of their own, so that the server's loop never waits for them.
+
+The process is started at the first request, with lower priority, and keeps the twins of the run that it is asked about.
+"""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rmr.entry.workers import end_with_parent
+from rmr_view.run_source import RefusedError, WhyOptions
+
+PATIENCE_S = 120.0
+"""Limit for one answer: replay takes about a hundredth of the run's time per robot."""
+NICE = 5
+"""Lower priority than the run and the server."""
+
+
+class MindWorker:
+    """The process that answers about one run."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._pool: ProcessPoolExecutor | None = None
+
+    async def state(self, robot: int, t: float | None) -> dict[str, Any]:
+        """Return what `robot` knew and did at `t`. Raises RefusedError."""
+        return await self._run(_state, robot, t)
+
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
+        """Return the explanation of a fact of `robot` as of `t`. Raises RefusedError."""
+        return await self._run(_why, robot, fact, t, options)
+
+    async def _run(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin)
+        loop = asyncio.get_running_loop()
+        try:
+            answer = loop.run_in_executor(self._pool, function, self._path, *arguments)
+            found = await asyncio.wait_for(answer, PATIENCE_S)
+        except BrokenProcessPool:
+            self.close()
+            raise RefusedError("the process that replays robots has died: ask again", 503) from None
+        except TimeoutError:
+            raise RefusedError(f"the replay takes more than {PATIENCE_S:g} s: ask again", 503) from None
+        if "refused" in found:
+            raise RefusedError(found["refused"], found["status"])
+        return dict(found)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
+
+
+# --- in the worker's process
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the server, and end with it."""
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICE)
+
+
+_twins: dict[Path, Any] = {}
+"""The twins of the run, by its path."""
+
+
+def _state(path: Path, robot: int, t: float | None) -> dict[str, Any]:
+    from rmr.mind.mind_reader import MindLogError  # noqa: PLC0415 - the server does not need them
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
+    from rmr_view.mind_twins import MindTwins  # noqa: PLC0415
+
+    try:
+        if path not in _twins:
+            _twins[path] = MindTwins(path)
+        state: dict[str, Any] = _twins[path].state(robot, t)
+    except (RecordingError, MindLogError) as error:
+        return {"refused": str(error), "status": 501}
+    return state
+
+
+_pasts: dict[Path, Any] = {}
+"""The explained minds of the runs that are over, by path."""
+
+
+def _why(path: Path, robot: int, question_text: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
+    from rmr.base.time import seconds  # noqa: PLC0415 - the server does not need them
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
+    from rmr.why.absence import why_not  # noqa: PLC0415
+    from rmr.why.past import Past  # noqa: PLC0415
+    from rmr.why.question import WhyError, question  # noqa: PLC0415
+    from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError  # noqa: PLC0415
+    from rmr.why.why_answer import why  # noqa: PLC0415
+    from rmr_view.mind_twins import opened  # noqa: PLC0415
+
+    try:
+        past = _pasts.get(path)
+        if past is None:
+            recording = opened(path)
+            past = Past(ReplayedHistories(recording))
+            if recording.complete:
+                _pasts[path] = past
+        asked = question(question_text, past.program, list(past.robots), robot)
+        at = None if t is None else seconds(t)
+        answer = (
+            why_not(past, asked, at, options.depth)
+            if options.absent
+            else why(past, asked, at, options.depth, options.more)
+        )
+    except WhyError as error:
+        return {"refused": str(error), "status": 400}
+    except (RecordingError, UnexplainableError) as error:
+        return {"refused": str(error), "status": 501}
+    told: dict[str, Any] = answer.as_data() | {"problems": list(past.source.problems)}
+    return told

@@ -1,0 +1,266 @@
+"""Executes a mind anew from its log, and compares what it does with what is in the log.
+
+The node of the replay is a `RecordedNode`, too: it writes a log of its own, whose operations must be those of the
+recorded log, octet for octet. Its ports give it what the log holds: the inputs of the present call, one after the
+other. So the first operation that differs is named with both values.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from rmr.base.time import NEVER, Instant
+from rmr.bytecode.program import Program
+from rmr.mind import mind_format as form
+from rmr.mind.mind_header import MindHeader, decode_header
+from rmr.mind.mind_reader import Batch, MindCall, MindLogError, Operation, operations_of, read_batch
+from rmr.mind.recorded_node import RecordedNode
+from rmr.mind.replay_feed import ReplayFeed
+from rmr.mind.replayed_actions import replayed_handlers
+from rmr.node.node import Node
+from rmr.node.ports import Ports
+from rmr.node.trace import EVENTS, TraceLevel
+from rmr.vm.engines import Engine
+from rmr.vm.provenance import ProvenanceLog
+
+Witness = Callable[[int, Instant, object], None]
+
+
+@dataclass(frozen=True, slots=True)
+class MindDifference:
+    """The first operation in which a replay differs from its log."""
+
+    at: Instant
+    """Instant of the call."""
+    what: str
+    """Kind of the operation."""
+    recorded: str
+    """As the log has it; "nothing" if it has none."""
+    replayed: str
+    """As the replay has it; "nothing" if it has none."""
+
+
+class MindReplay:
+    """The replay of one incarnation."""
+
+    def __init__(
+        self,
+        log: Iterable[bytes],
+        program: Program,
+        *,
+        engine: Engine | None = None,
+        trace: TraceLevel = TraceLevel.NOTES,
+        witness: Witness | None = None,
+        provenance: ProvenanceLog | None = None,
+    ) -> None:
+        """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
+
+        More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
+        same; with a log of `provenance` it is the interpreter. Raises MindLogError if the log has no beginning.
+        """
+        self._log = iter(log)
+        self._fed: deque[bytes] = deque()
+        self._number = 0
+        """Number of the next batch."""
+        first = self._next_batch()
+        if first is None or not first.header:
+            raise MindLogError("its beginning is missing")
+        self.header: Final[MindHeader] = _header(first.header)
+        self.robot: Final = self.header.config.robot
+        self.epoch: Final = self.header.config.epoch
+        self._feed = ReplayFeed(self.header.payload_max)
+        node = self._make_node(program, engine, trace, witness, provenance)
+        self._own_log = node.log
+        self.node: Final[Node] = node
+        self.now: Instant = 0
+        """Instant of the last call."""
+        self.began: Instant | None = None
+        """Instant of the first call."""
+        self.difference: MindDifference | None = None
+        """The first one, if there is any."""
+        self.inputs = 0
+        """Calls, frames, outcomes, samples and other inputs so far."""
+        self.outputs = 0
+        """Frames, wheel commands and entries of the trace so far."""
+        self.not_delivered = (0, 0, 0)
+        """Samples and frames that the host dropped, and frames that it refused, so far."""
+        self.ended = False
+        """Whether the log has ended in good order."""
+        self._calls: list[MindCall] = []
+        self._place = 0
+        self._open(first)
+
+    def _make_node(
+        self,
+        program: Program,
+        engine: Engine | None,
+        trace: TraceLevel,
+        witness: Witness | None,
+        provenance: ProvenanceLog | None,
+    ) -> RecordedNode:
+        header = self.header
+        feed = self._feed
+        config = replace(header.config, trace=trace, witness=witness, engine=engine or header.config.engine)
+        config = replace(config, provenance=provenance)
+        ports = Ports(
+            feed,
+            feed if header.bodily else None,
+            feed.spent if header.timed else None,
+            feed.neighbors if header.neighbors else None,
+        )
+        noted = header.config.trace > TraceLevel.NOTHING
+        return RecordedNode(
+            config, program, ports, replayed_handlers(header.actions, feed), header.program, None, noted
+        )
+
+    def feed(self, batch: bytes) -> None:
+        """Add the next batch of the log."""
+        self._fed.append(batch)
+
+    def _next_batch(self) -> Batch | None:
+        """Return the next batch; None if there is none yet. Raises MindLogError for one that is damaged or missing."""
+        data = self._fed.popleft() if self._fed else next(self._log, None)
+        if data is None:
+            return None
+        batch = read_batch(data)
+        if batch.number != self._number:
+            raise MindLogError(f"batches {self._number} to {batch.number - 1} of the log are missing")
+        self._number += 1
+        return batch
+
+    def _open(self, batch: Batch) -> None:
+        self._calls = batch.calls
+        self._place = 0
+        self._own_log.base = batch.base
+        self.ended = self.ended or batch.ended
+        if batch.not_delivered is not None:
+            self.not_delivered = batch.not_delivered
+
+    @property
+    def next_call(self) -> Instant | None:
+        """The instant of the next call; None if the log has no more, yet. Raises MindLogError where it is damaged."""
+        while self._place >= len(self._calls):
+            batch = self._next_batch()
+            if batch is None:
+                return None
+            self._open(batch)
+        return self._calls[self._place].at
+
+    def step(self) -> bool:
+        """Carry out the next call; return whether there was one. Raises MindLogError where the log is damaged."""
+        if self.next_call is None:
+            return False
+        call = self._calls[self._place]
+        self._place += 1
+        base = self._own_log.base
+        self.now = call.at
+        if self.began is None:
+            self.began = call.at
+        self._carry_out(call)
+        self._count(call)
+        octets = self._own_log.take()
+        if octets != call.octets and self.difference is None:
+            self.difference = compared(call, operations_of(octets, base))
+        return True
+
+    def run(self, until: Instant = NEVER) -> Iterator[Instant]:
+        """Carry out all calls up to `until`; yield the instant of each when it is over."""
+        while (at := self.next_call) is not None and at <= until:
+            self.step()
+            yield at
+
+    def _carry_out(self, call: MindCall) -> None:
+        node = self.node
+        feed = self._feed
+        feed.begin(call.inputs())
+        try:
+            if call.kind == form.TICK:
+                node.tick(call.at)
+            elif call.kind == form.OVERHEAR:
+                node.overhear(call.at, feed.offer())
+            elif call.kind == form.START:
+                node.start(call.at)
+            else:
+                name, args = feed.take(form.FACT)
+                node.insert(call.at, name, args)
+        except Exception:  # in the log of the replay, which is compared
+            if not any(each.kind == form.RAISED for each in call.operations):
+                raise
+
+    def _count(self, call: MindCall) -> None:
+        self.inputs += 1
+        for operation in call.operations:
+            if operation.kind in (form.RECEIVED, form.CONFIRMED, form.SENSED):
+                value = operation.value
+                self.inputs += len(value[1]) + value[0] if operation.kind == form.RECEIVED else len(value)
+            elif operation.kind < form.TRANSMIT:
+                self.inputs += 1
+            elif operation.kind in (form.TRANSMIT, form.ACT, form.NOTE):
+                self.outputs += 1
+
+
+def _header(data: bytes) -> MindHeader:
+    try:
+        return decode_header(data)
+    except ValueError as error:
+        raise MindLogError(str(error)) from None
+
+
+NAMES: Final = {
+    form.START: "start",
+    form.TICK: "tick",
+    form.OVERHEAR: "overhear",
+    form.INSERT: "insert",
+    form.OFFERED: "frame overheard",
+    form.FACT: "fact inserted",
+    form.RECEIVED: "frames received",
+    form.CONFIRMED: "outcomes",
+    form.SENSED: "samples",
+    form.OVERRUN: "time used up",
+    form.NEIGHBORS: "neighbors",
+    form.ACTED: "step of a handler",
+    form.TRANSMIT: "frame sent",
+    form.ACT: "wheel command",
+    form.NOTE: "trace",
+    form.TAKEN: "frame taken in at once",
+    form.RAISED: "exception",
+    form.DIGEST: "digest",
+}
+"""Kinds of operations in words."""
+
+
+def compared(recorded: MindCall, replayed: MindCall) -> MindDifference:
+    """Return the first difference of two calls that are not equal."""
+    pairs = zip(recorded.operations, replayed.operations, strict=False)
+    place = next((i for i, (one, other) in enumerate(pairs) if one.octets != other.octets), None)
+    if place is None:
+        place = min(len(recorded.operations), len(replayed.operations))
+    one = recorded.operations[place] if place < len(recorded.operations) else None
+    other = replayed.operations[place] if place < len(replayed.operations) else None
+    kinds = [NAMES[each.kind] for each in (one, other) if each is not None]
+    what = " / ".join(dict.fromkeys(kinds)) or NAMES[recorded.kind]
+    return MindDifference(recorded.at, what, _shown(one), _shown(other))
+
+
+def _shown(operation: Operation | None) -> str:
+    if operation is None:
+        return "nothing"
+    value = operation.value
+    match operation.kind:
+        case form.TRANSMIT:
+            to, handle, payload = value
+            return (
+                f"{len(payload)} octets to {'all' if to is None else f'robot {to}'} (handle {handle}): {payload.hex()}"
+            )
+        case form.ACT:
+            return f"{value[0]!r} m/s, {value[1]!r} rad/s"
+        case form.NOTE:
+            word, crc = value
+            return f"{list(EVENTS)[word]} (check sum {crc:08x})"
+        case form.DIGEST:
+            return f"outputs {value[0]:08x}, state {value[1]:08x}"
+        case form.TAKEN:
+            return "taken in"
+        case _:
+            return f"{NAMES[operation.kind]} {value!r}"[:200]

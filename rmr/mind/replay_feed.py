@@ -1,0 +1,87 @@
+"""The ports of a node in a replay: the inputs of each call come from the log, and outputs go nowhere."""
+
+from typing import Any, Final
+
+from rmr.base.geometry import Twist
+from rmr.base.time import Duration, Instant
+from rmr.mind import mind_format as form
+from rmr.mind.mind_reader import Operation
+from rmr.node.executive import FRAME_BUDGET
+from rmr.node.ports import Confirmed, Received, Sensed
+
+
+class ReplayFeed:
+    """Gives the node of a replay the inputs of the present call: radio port, body port, and what a host answers."""
+
+    def __init__(self, payload_max: int) -> None:
+        self.payload_max: Final = payload_max
+        self._inputs: list[Operation] = []
+        self._next = 0
+        self._asks = 0
+        self._refused: Received | None = None
+        self._offered: tuple[tuple[int, float], ...] = ()
+
+    def begin(self, inputs: list[Operation]) -> None:
+        """Begin a call with these inputs."""
+        self._inputs = inputs
+        self._next = 0
+        self._asks = 0
+
+    def peek(self, kind: int) -> Any:
+        """Return the value of the next input if it is of this kind; else None."""
+        if self._next < len(self._inputs) and self._inputs[self._next].kind == kind:
+            return self._inputs[self._next].value
+        return None
+
+    def take(self, kind: int) -> Any:
+        """Return the value of the next input, and go on to the one after it, if it is of this kind; else None."""
+        value = self.peek(kind)
+        if value is not None:
+            self._next += 1
+        return value
+
+    def offer(self) -> Received:
+        """Return the frame that is overheard."""
+        frame: Received = self.take(form.OFFERED)
+        self._refused = frame
+        return frame
+
+    # -- ports --------------------------------------------------------------------------------------------------
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Do nothing: the log of the replay has it."""
+
+    def receive(self) -> list[Received]:
+        """Return the frames that were received."""
+        found = self.take(form.RECEIVED)
+        if found is None:
+            return []
+        again, frames = found
+        return [self._refused, *frames] if again and self._refused is not None else frames
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return the outcomes that became known."""
+        return self.take(form.CONFIRMED) or []
+
+    def sense(self) -> list[Sensed]:
+        """Return the samples."""
+        return self.take(form.SENSED) or []
+
+    def act(self, twist: Twist, stamp: Instant) -> None:
+        """Do nothing: the log of the replay has it."""
+
+    def spent(self) -> Duration:
+        """Return more than a frame's time where that was used up, else 0."""
+        ask = self._asks
+        self._asks += 1
+        if self.peek(form.OVERRUN) == ask:
+            self.take(form.OVERRUN)
+            return FRAME_BUDGET + 1
+        return 0
+
+    def neighbors(self) -> tuple[tuple[int, float], ...]:
+        """Return who was in range."""
+        found = self.take(form.NEIGHBORS)
+        if found is not None:
+            self._offered = tuple((robot, metres) for robot, metres in found)
+        return self._offered

@@ -1,0 +1,119 @@
+"""The transmissions of one robot's radio, put together from what its host sees: requests, announcements, outcomes.
+
+A station serves its requests one at a time and in order (`rmr.radio.mac`), so an announced data frame belongs to the
+oldest request without an outcome. A transmission is written when the next thing is known: another attempt, or the
+request's outcome, which stands with the last attempt alone. A request that never got access to the channel is written
+once, without instants of a transmission.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from rmr.base.time import Instant, in_seconds
+from rmr.coord.messages import FrameKind
+from rmr.node.payloads import PayloadKind
+from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed
+from rmr.radio.frame import BROADCAST, FCS_OCTETS, HEADER_OCTETS
+
+KINDS: Final[dict[int, str]] = {int(kind): kind.name.lower() for kind in (*FrameKind, *PayloadKind)}
+"""Names of the kinds of payload, by first octet."""
+OTHER: Final = "other"
+ACK: Final = "ack"
+"""The kind of an acknowledgement of a frame."""
+
+Write = Callable[[Instant, dict[str, Any]], None]
+"""Takes a transmission, at its end."""
+
+
+class FrameRequest:
+    """A request that has no outcome yet."""
+
+    __slots__ = ("asked", "handle", "kind", "octets")
+
+    def __init__(self, handle: int, asked: Instant, payload: bytes) -> None:
+        self.handle = handle
+        self.asked = asked
+        self.kind = KINDS.get(payload[0], OTHER) if payload else OTHER
+        self.octets = HEADER_OCTETS + len(payload) + FCS_OCTETS
+
+
+class FrameLog:
+    """The log of one robot; see `rmr.record.channels` on the fields of an entry."""
+
+    def __init__(self, robot: int, write: Write) -> None:
+        self._robot = robot
+        self._write = write
+        self._requests: deque[FrameRequest] = deque()
+        self._announced: Announcement | None = None
+        """The last transmission of the oldest request, which is not written yet."""
+
+    def requested(self, now: Instant, payload: bytes, handle: int) -> None:
+        """Note that the robot has handed `payload` to its radio."""
+        self._requests.append(FrameRequest(handle, now, payload))
+
+    def announced(self, announcement: Announcement) -> None:
+        """Note a transmission of this robot."""
+        if announcement.attempt & ACK_ATTEMPT:
+            self._put(None, announcement, announcement.end, None)
+            return
+        self._flush(None)
+        self._announced = announcement
+
+    def confirmed(self, now: Instant, outcome: Confirmed) -> None:
+        """Note the outcome of a request."""
+        requests = self._requests
+        if requests and requests[0].handle == outcome.handle:
+            if self._announced is not None:
+                self._flush(outcome.status)
+            else:
+                self._put(requests[0], None, now, outcome.status)
+            requests.popleft()
+            return
+        for request in requests:  # the queue of the radio was full: it is refused before those that wait
+            if request.handle == outcome.handle:
+                requests.remove(request)
+                self._put(request, None, now, outcome.status)
+                return
+
+    def end(self) -> None:
+        """Write what is not written yet: the radio has been switched off."""
+        self._flush(None)
+        self._requests.clear()
+
+    def _flush(self, outcome: str | None) -> None:
+        announced = self._announced
+        if announced is not None:
+            self._announced = None
+            self._put(self._requests[0] if self._requests else None, announced, announced.end, outcome)
+
+    def _put(self, request: FrameRequest | None, sent: Announcement | None, at: Instant, outcome: str | None) -> None:
+        destination: int | None = None
+        if sent is not None and not sent.attempt & ACK_ATTEMPT:
+            destination = sent.psdu[5] | sent.psdu[6] << 8
+            if destination == BROADCAST:
+                destination = None
+                outcome = "broadcast" if outcome == "ok" else outcome
+        octets = 0 if request is None else request.octets
+        kind = OTHER if request is None else request.kind
+        if sent is not None and sent.attempt & ACK_ATTEMPT:
+            kind = ACK
+        self._write(
+            at,
+            {
+                "source": self._robot,
+                "destination": destination,
+                "kind": kind,
+                "octets": octets if sent is None else len(sent.psdu),
+                "handle": None if request is None else request.handle,
+                "asked_s": None if request is None else _s(request.asked),
+                "start_s": None if sent is None else _s(sent.start),
+                "end_s": None if sent is None else _s(sent.end),
+                "attempt": 0 if sent is None else sent.attempt & ~ACK_ATTEMPT,
+                "outcome": outcome,
+            },
+        )
+
+
+def _s(instant: Instant) -> float:
+    return round(in_seconds(instant), 6)

@@ -1,0 +1,1 @@
+"""Recordings of runs: MCAP files (https://mcap.dev/spec) with the channels of `rmr.record.channels`."""

@@ -1,0 +1,134 @@
+"""Writes a recording anew, as one finished file with its index: the files of a run's processes joined, or a file that
+was cut short recovered.
+
+Messages are read and written one by one, in order of time. The new file takes its place when it is whole; until then
+nothing that was there is changed.
+"""
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from rmr.record.channels import BY_TOPIC
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.record_writer import RecordWriter
+from rmr.record.recording import (
+    PARTS_FOLDER,
+    PROBLEMS_NAME,
+    RUN_FILE,
+    Recording,
+    merged,
+    open_recording,
+    part_files,
+)
+from rmr.record.run_about import METADATA_NAME
+from rmr.record.run_files import REPORT
+
+JOINED: Final = "joined"
+"""The process of a file that several files were joined into."""
+
+
+class Joined(NamedTuple):
+    """What came of it."""
+
+    file: Path
+    messages: int
+    problems: tuple[str, ...]
+    """What is missing."""
+
+
+def join_run(folder: Path, target: Path | None = None) -> Joined:
+    """Join the files of the processes of the run in `folder` into `target` (None: its ``run.mcap``) and remove them.
+
+    Raises RecordingError if there are none, or the new file cannot be written; nothing is removed then.
+    """
+    files = part_files(folder)
+    if not files and (folder / RUN_FILE).is_file():
+        raise RecordingError(f"{folder / RUN_FILE} is one file: there is nothing to join")
+    with merged(files, folder) as recording:
+        joined = rewrite(recording, target or folder / RUN_FILE, report_of(folder))
+        used = [Path(part.scan.name) for part in recording.parts]
+    for file in used:
+        with suppress(OSError):
+            file.unlink()
+    with suppress(OSError):  # files of another run stay
+        (folder / PARTS_FOLDER).rmdir()
+    return joined
+
+
+def recover(path: Path) -> Joined:
+    """Give a file that was cut short its index, or join what is left of a run folder. Raises RecordingError."""
+    if path.is_dir():
+        if not (path / RUN_FILE).is_file():
+            return join_run(path)
+        path = path / RUN_FILE
+    with open_recording(path) as recording:
+        if recording.complete:
+            raise RecordingError(f"{path}: the file is whole: there is nothing to recover")
+        return rewrite(recording, path, None)
+
+
+def report_of(folder: Path) -> bytes | None:
+    """Return the report in a run folder; None without one."""
+    try:
+        return (folder / REPORT).read_bytes()
+    except OSError:
+        return None
+
+
+def rewrite(recording: Recording, target: Path, report: bytes | None) -> Joined:
+    """Write `recording` to `target`, with `report` if it has none. Raises RecordingError."""
+    partial = target.with_name(f".{target.name}.new")
+    process = JOINED if len(recording.parts) > 1 else recording.about.process
+    writer = RecordWriter(partial, replace(recording.about, process=process))
+    try:
+        _copy_files(recording, writer, report)
+        unknown = _copy_messages(recording, writer)
+        problems = (*recording.problems, *unknown)
+        if problems:
+            writer.note(PROBLEMS_NAME, {str(number): problem for number, problem in enumerate(problems, 1)})
+        writer.close()
+        if writer.failure is None:
+            partial.replace(target)
+    except OSError as error:
+        writer.failure = str(error.strerror or error)
+    finally:
+        writer.close()
+        with suppress(OSError):
+            partial.unlink()
+    if writer.failure is not None:
+        reason = writer.failure.rpartition(": ")[2]
+        raise RecordingError(f"cannot write {target}: {reason}; what was recorded is where it was")
+    return Joined(target, writer.count, problems)
+
+
+def _copy_files(recording: Recording, writer: RecordWriter, report: bytes | None) -> None:
+    """Copy attachments and metadata."""
+    noted = {METADATA_NAME, PROBLEMS_NAME}
+    for part in recording.parts:
+        for name, values in part.scan.metadata.items():
+            if name not in noted:
+                noted.add(name)
+                writer.note(name, values)
+    for name in recording.attachments:
+        data = recording.attachment(name)
+        if data is not None:
+            writer.attach(name, data)
+    if report is not None and REPORT not in recording.attachments:
+        writer.attach(REPORT, report, recording.span[1])
+
+
+def _copy_messages(recording: Recording, writer: RecordWriter) -> list[str]:
+    """Copy the messages; return sentences on those of unknown channels, which are left out."""
+    unknown: dict[str, int] = {}
+    for raw in recording.raw_messages():
+        if raw.topic in BY_TOPIC:
+            writer.write_encoded(raw.topic, raw.at, raw.octets)
+        else:
+            unknown[raw.topic] = unknown.get(raw.topic, 0) + 1
+        if writer.failure is not None:
+            break
+    return [
+        f"{count} messages of the channel {topic}, which is unknown, are left out" for topic, count in unknown.items()
+    ]

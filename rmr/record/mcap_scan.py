@@ -1,0 +1,243 @@
+"""Finds what an MCAP file holds, in one pass over its records, without reading the chunks.
+
+A summary is not needed: a file that is still being written, or was cut short, is read up to its last whole record. The
+pass may be continued when the file has grown. Only files of the profile `rmr` are taken: their channels stand outside
+of chunks, and all messages in them.
+"""
+
+import os
+import zlib
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import zstandard
+
+from rmr.record.mcap_format import (
+    CHUNK_HEAD,
+    HEAD,
+    MAGIC,
+    MAGIC_NAME,
+    Content,
+    FormatError,
+    RecordCode,
+    messages,
+)
+from rmr.record.mcap_writer import PROFILE
+
+CONTENT_OCTETS_MAX: Final = 1 << 24
+"""Bound of a record that is read whole; chunks and attachments have bounds of their own."""
+CHUNK_OCTETS_MAX: Final = 1 << 28
+"""Bound of a chunk's records: a damaged length does not use up the memory."""
+_CHUNK_HEAD_OCTETS: Final = CHUNK_HEAD.size + 4 + 16 + 8
+"""Octets at the beginning of a chunk that hold all but its data; names of compressions are short."""
+_ATTACHMENT_HEAD_OCTETS: Final = 4096
+
+
+class RecordingError(Exception):
+    """A recording cannot be read, or written; the message says which, why, and what to do."""
+
+
+class ScannedChannel(NamedTuple):
+    """A channel of a file."""
+
+    topic: str
+    encoding: str
+
+
+class ChunkSpan(NamedTuple):
+    """Where a chunk stands in its file."""
+
+    offset: int
+    """Of its data."""
+    length: int
+    """Octets of its data."""
+    begin: int
+    end: int
+    """Instants of its first and last message."""
+    size: int
+    """Octets of its records, uncompressed."""
+    crc: int
+    compression: str
+
+
+class AttachmentSpan(NamedTuple):
+    """Where the data of an attachment stands in its file."""
+
+    offset: int
+    size: int
+    media_type: str
+
+
+class McapScan:
+    """One file, as far as it has been looked at."""
+
+    def __init__(self, path: Path) -> None:
+        """Raise RecordingError if the file at `path` cannot be read, is no recording, or is too short to tell."""
+        self.name = str(path)
+        self._file = -1
+        self._file = _open(path)
+        self.channels: dict[int, ScannedChannel] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, AttachmentSpan] = {}
+        self.chunks: list[ChunkSpan] = []
+        self.end = 0
+        """Offset behind the last whole record."""
+        self.complete = False
+        """Whether the file has been finished: it has its index."""
+        self._decompressor = zstandard.ZstdDecompressor()
+        self._begin()
+        self.extend()
+
+    def _begin(self) -> None:
+        magic = self._read(0, len(MAGIC))
+        if magic != MAGIC:
+            raise RecordingError(f"{self.name}: {_not_mcap(magic)}")
+        head = self._read(len(MAGIC), HEAD.size)
+        code, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+        content = self._read(len(MAGIC) + HEAD.size, min(length, CONTENT_OCTETS_MAX))
+        try:
+            profile = Content(content).text() if code == RecordCode.HEADER and len(content) == length else None
+        except FormatError:
+            profile = None
+        if profile is None:
+            raise RecordingError(f"{self.name}: the file was cut short within its first octets: it holds nothing")
+        if profile != PROFILE:
+            raise RecordingError(f"{self.name}: an MCAP file, but no recording of rmr (its profile is {profile!r:.40})")
+        self.end = len(MAGIC) + HEAD.size + length
+
+    @property
+    def octets(self) -> int:
+        """Present length of the file."""
+        return os.fstat(self._file).st_size
+
+    def extend(self) -> None:
+        """Take in the records that have come since the last call."""
+        size = self.octets
+        while not self.complete:
+            head = self._read(self.end, HEAD.size)
+            if len(head) < HEAD.size:
+                return
+            code, length = HEAD.unpack(head)
+            if self.end + HEAD.size + length > size:
+                return
+            if code == RecordCode.DATA_END:
+                self.complete = self._has_end(size)
+                return
+            try:
+                self._take(code, self.end + HEAD.size, length)
+            except FormatError:
+                return
+            self.end += HEAD.size + length
+
+    @property
+    def cut_octets(self) -> int:
+        """Octets at the end of the file that are no whole record, where it has not been finished."""
+        return 0 if self.complete else self.octets - self.end
+
+    def _has_end(self, size: int) -> bool:
+        return self._read(size - len(MAGIC), len(MAGIC)) == MAGIC
+
+    def _take(self, code: int, offset: int, length: int) -> None:
+        """Take in a record. Raises FormatError."""
+        if code == RecordCode.CHUNK:
+            self.chunks.append(self._chunk(offset, length))
+        elif code == RecordCode.ATTACHMENT:
+            self._attachment(offset, length)
+        elif code in (RecordCode.CHANNEL, RecordCode.METADATA):
+            if length > CONTENT_OCTETS_MAX:
+                raise FormatError("a record that is too long")
+            content = Content(self._read(offset, length))
+            if code == RecordCode.METADATA:
+                name = content.text()
+                self.metadata[name] = content.mapping()
+            else:
+                number = content.number(2)
+                content.number(2)
+                self.channels[number] = ScannedChannel(content.text(), content.text())
+
+    def _chunk(self, offset: int, length: int) -> ChunkSpan:
+        head = self._read(offset, min(length, _CHUNK_HEAD_OCTETS))
+        if len(head) < CHUNK_HEAD.size:
+            raise FormatError("a chunk without its head")
+        begin, end, size, crc = CHUNK_HEAD.unpack_from(head)
+        content = Content(head)
+        content.octets(CHUNK_HEAD.size)
+        compression = content.text()
+        data = content.number(8)
+        inside = len(head) - content.left
+        if inside + data > length:
+            raise FormatError("a chunk whose data is longer than it")
+        return ChunkSpan(offset + inside, data, begin, end, size, crc, compression)
+
+    def _attachment(self, offset: int, length: int) -> None:
+        head = self._read(offset, min(length, _ATTACHMENT_HEAD_OCTETS))
+        content = Content(head)
+        content.octets(16)
+        name = content.text()
+        media_type = content.text()
+        size = content.number(8)
+        inside = len(head) - content.left
+        if inside + size > length:
+            raise FormatError("an attachment whose data is longer than it")
+        self.attachments[name] = AttachmentSpan(offset + inside, size, media_type)
+
+    def _read(self, offset: int, length: int) -> bytes:
+        try:
+            return os.pread(self._file, max(0, length), max(0, offset))
+        except OSError as error:
+            raise RecordingError(f"{self.name}: {error.strerror or error}") from error
+
+    def attachment(self, name: str) -> bytes | None:
+        """Return the data of an attachment; None without one of that name."""
+        span = self.attachments.get(name)
+        return None if span is None else self._read(span.offset, span.size)
+
+    def load(self, chunk: ChunkSpan) -> list[tuple[int, int, bytes]]:
+        """Return the messages of a chunk: instant, channel number, data. Raises FormatError if it is damaged."""
+        data = self._read(chunk.offset, chunk.length)
+        if len(data) < chunk.length:
+            raise FormatError("the file has become shorter")
+        if chunk.size > CHUNK_OCTETS_MAX:
+            raise FormatError("a length that cannot be")
+        if chunk.compression == "zstd":
+            try:
+                if zstandard.frame_content_size(data) != chunk.size:
+                    raise FormatError("a length that cannot be")
+                data = self._decompressor.decompress(data)
+            except zstandard.ZstdError as error:
+                raise FormatError(str(error)) from None
+        elif chunk.compression:
+            raise FormatError(f"compression {chunk.compression!r:.20}, which rmr does not read")
+        if chunk.crc and zlib.crc32(data) != chunk.crc:
+            raise FormatError("a wrong checksum")
+        return messages(data)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def __del__(self) -> None:
+        self.close()
+
+
+def _open(path: Path) -> int:
+    """Return the descriptor of a file that is open for reading. Raises RecordingError."""
+    try:
+        if path.exists() and not path.is_file():
+            raise RecordingError(f"{path}: no file")
+        return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _not_mcap(magic: bytes) -> str:
+    """Return what is wrong with a file that begins with `magic`."""
+    if not magic:
+        return "the file is empty"
+    if MAGIC.startswith(magic):
+        return "the file was cut short within its first octets: it holds nothing"
+    if magic.startswith(MAGIC_NAME):
+        return "an MCAP file of another version of that format; this version of rmr reads version 0"
+    return "no MCAP file"

@@ -1,0 +1,71 @@
+"""Writes what one robot shows of itself: its estimated pose, route, state, trace and transmissions.
+
+Hosts look at the robot as often as they like; a message is written when something has changed, and not more often than
+its channel allows.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import NS_PER_S, Duration, Instant, seconds
+from rmr.record.foxglove_messages import estimate_frame, transforms_json
+from rmr.record.record_writer import RecordWriter
+
+ESTIMATES_EVERY: Final[Duration] = NS_PER_S // 10
+"""Least time between two estimates of one robot."""
+STATUS_EVERY: Final[Duration] = NS_PER_S
+"""Least time between two states of one robot."""
+SLACK: Final[Duration] = 1_000
+"""Ticks begin at whole nanoseconds: six of them may be a little shorter than a tenth of a second."""
+
+
+class RobotObserver:
+    """One robot, of one incarnation or of several in a row."""
+
+    def __init__(self, robot: int, writer: RecordWriter) -> None:
+        self.robot = robot
+        self.writer = writer
+        self._frame = estimate_frame(robot)
+        self._pose: Pose | None = None
+        self._points: Sequence[Point] | None = None
+        self._status: Mapping[str, Any] = {}
+        self._estimate_due: Instant = 0
+        self._status_due: Instant = 0
+
+    def looks(self, now: Instant) -> bool:
+        """Return whether it is time to look at the robot's pose and route."""
+        return now + SLACK >= self._estimate_due
+
+    def look(self, now: Instant, pose: Pose | None, points: Sequence[Point] | None) -> None:
+        """Take the robot's estimated pose and the points of its route, the same object while it is the same route."""
+        self._estimate_due = now + ESTIMATES_EVERY
+        if pose is not None and pose is not self._pose and pose != self._pose:
+            self._pose = pose
+            self.writer.write_encoded(
+                "/tf_estimates", now, transforms_json(now, [(self._frame, pose.x, pose.y, pose.theta)])
+            )
+        if points is not self._points:
+            self._points = points
+            rounded = [[round(x, 3), round(y, 3)] for x, y in points or ()]
+            self.writer.write("/routes", now, {"robot": self.robot, "points": rounded})
+
+    def status_due(self, now: Instant) -> bool:
+        """Return whether it is time for the robot's state."""
+        return now + SLACK >= self._status_due
+
+    def status(self, now: Instant, status: Mapping[str, Any]) -> None:
+        """Take the robot's state."""
+        self._status_due = now + STATUS_EVERY
+        if status != self._status:
+            self._status = status
+            self.writer.write("/status", now, status)
+
+    def trace(self, entries: Iterable[Mapping[str, Any]]) -> None:
+        """Take entries of the robot's trace."""
+        for entry in entries:
+            self.writer.write("/trace", seconds(entry["t"]), entry)
+
+    def transmission(self, at: Instant, frame: Mapping[str, Any]) -> None:
+        """Take a transmission of the robot's radio."""
+        self.writer.write("/frames", at, frame)

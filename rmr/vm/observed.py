@@ -1,0 +1,232 @@
+"""The interpreter with a provenance log: the machine of a robot whose past is to be explained (`rmr.vm.provenance`).
+
+It fires the same rules for the same facts with the same draws as every engine, and reports the same events. A firing
+is derived a second time, with a list of the inner matches, so that each derived item is known with its premises.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from rmr.base.streams import Choices
+from rmr.base.time import Instant
+from rmr.base.values import Value
+from rmr.bytecode.program import Aggregate, Comprehension, Operator, Program
+from rmr.vm.derive import Chain, Derived, DerivedKind, FiringEffect, Inner, InnerMatch
+from rmr.vm.goals import GoalArgs
+from rmr.vm.interpreted import Interpreted
+from rmr.vm.interpreter import UNRANKED
+from rmr.vm.machine import FIRING_BUDGET
+from rmr.vm.machine_events import ActionDerived, JobMissed, JobStarted
+from rmr.vm.match import bind_again
+from rmr.vm.provenance import (
+    ActionRecord,
+    Cause,
+    ChainOrigin,
+    EffectCause,
+    FiringCause,
+    FiringRecord,
+    GivenCause,
+    GoalRecord,
+    InsertionRecord,
+    JobRecord,
+    MissedCause,
+    ProvenanceLog,
+    RemovalRecord,
+    Rival,
+    SendRecord,
+    StepCause,
+)
+from rmr.vm.ranks import here
+from rmr.vm.store import Args, Fact
+
+
+class ObservedMachine(Interpreted):
+    """An interpreted machine that writes a provenance log."""
+
+    __slots__ = ("_because", "_log")
+
+    def __init__(
+        self,
+        program: Program,
+        robot: int,
+        choices: Choices,
+        log: ProvenanceLog,
+        *,
+        firing_budget: int = FIRING_BUDGET,
+        trace: bool = False,
+    ) -> None:
+        super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
+        self._log = log
+        self._because: Cause = GivenCause("program")
+        """The cause of whatever the present input brings about."""
+
+    # Input from the host
+
+    def start(self, now: Instant) -> None:
+        """Insert the facts, then the goals, that the program states for this robot."""
+        self._log.because(GivenCause("robot"))  # of the robot's number, which is inserted first if it is used
+        super().start(now)
+        self._log.cause()
+
+    def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
+        self._because = GivenCause("program")
+        super()._insert_all(now, facts)
+
+    def insert(self, now: Instant, predicate: int, args: Args) -> None:
+        """Insert a fact from outside. Raises ValueError as `Machine.insert` does."""
+        self._because = self._log.cause()
+        super().insert(now, predicate, args)
+
+    def want(self, now: Instant, predicate: int, args: tuple[object, ...]) -> None:
+        """Open a goal from outside. Raises ValueError as `Machine.want` does."""
+        self._because = self._log.cause()
+        super().want(now, predicate, args)  # type: ignore[arg-type]
+
+    def withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+        """Remove a sensed fact. Raises ValueError as `Machine.withdraw` does."""
+        self._because = self._log.cause()
+        super().withdraw(now, predicate, args)
+
+    def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
+        """Accept an action of another robot. Raises ValueError as `Machine.derive_action` does."""
+        self._because = self._log.cause()
+        super().derive_action(now, predicate, args, origin)
+
+    def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
+        """End an action; return False if it is not under way."""
+        self._log.cause()
+        self._because = EffectCause(serial, ok)
+        return super().complete(now, serial, ok, executor)
+
+    def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
+        """Watch for a finish fact. Raises ValueError as `Machine.await_finish` does."""
+        self._log.cause()
+        super().await_finish(now, watcher, assertion, start_args, since)
+
+    def finish_seen(self, now: Instant, source: int, assertion: int, args: Args, at: Instant) -> bool:
+        """End the jobs that wait for a finish fact. Raises ValueError as `Machine.finish_seen` does."""
+        self._log.cause()
+        return super().finish_seen(now, source, assertion, args, at)
+
+    # Consequences
+
+    def _apply(self, now: Instant, rule: int, derivation: FiringEffect) -> None:
+        number = self.firings + 1
+        self._log.records.append(self._firing(now, number, rule, derivation))
+        self._because = FiringCause(number, 0)
+        super()._apply(now, rule, derivation)
+
+    def _follow(self, now: Instant, chain: Chain) -> None:
+        because = self._because
+        if isinstance(because, EffectCause):
+            self._because = StepCause(because.action)
+        super()._follow(now, chain)
+        if isinstance(because, FiringCause):
+            self._because = because._replace(chain=because.chain + 1)
+
+    def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
+        fact = self._store.newest
+        self._log.records.append(InsertionRecord(now, fact, predicate, args, self._because))
+        before = len(self._events)
+        super()._inserted(now, predicate, args)
+        for event in self._events[before:]:
+            if isinstance(event, JobStarted):
+                self._log.records.append(JobRecord(now, event.job.serial, fact))
+
+    def _remove(self, now: Instant, fact: Fact) -> None:
+        self._log.records.append(RemovalRecord(now, fact.serial, self._because))
+        super()._remove(now, fact)
+
+    def _want(self, now: Instant, predicate: int, args: GoalArgs) -> None:
+        self._log.records.append(GoalRecord(now, predicate, here(args, self.robot), self._because))
+        super()._want(now, predicate, args)
+
+    def _give(self, now: Instant, item: Derived) -> None:
+        super()._give(now, item)
+        if item.owner != self.robot:
+            self._sent(now, item.role, item.owner, item.predicate, item.args)
+
+    def _sent(self, now: Instant, role: DerivedKind, destination: int, predicate: int, args: Args) -> None:
+        """Record that the last event is to be sent to another robot."""
+        event = self._log.keep(self._events[-1])
+        self._log.records.append(SendRecord(now, event, role, int(destination), predicate, args, self._because))
+
+    def _act(
+        self,
+        now: Instant,
+        predicate: int,
+        executor: int,
+        args: Args,
+        then: Chain = (),
+        origin: tuple[int, int] | None = None,
+    ) -> None:
+        if isinstance(self._because, MissedCause):
+            missed = [event.job.serial for event in self._events if isinstance(event, JobMissed)]
+            self._because = MissedCause(missed[-1])
+        super()._act(now, predicate, executor, args, then, origin)
+        event = self._events[-1]
+        assert isinstance(event, ActionDerived)
+        if event.serial:
+            record = ActionRecord(now, event.serial, predicate, int(executor), args, self._because, then)
+            self._log.records.append(record)
+        if executor != self.robot:
+            self._sent(now, DerivedKind.ACTION, executor, predicate, args)
+
+    def _miss(self, until: Instant) -> None:
+        because = self._because  # of the input that comes after the deadlines before it
+        self._because = MissedCause(0)  # `_act` puts in the job
+        super()._miss(until)
+        self._because = because
+
+    # A firing
+
+    def _firing(self, now: Instant, number: int, rule: int, effect: FiringEffect) -> FiringRecord:
+        interpreter = self._interpreter
+        candidate = interpreter.chosen(rule)
+        planned = interpreter.planned(rule)
+        env: list[Value] = [self.robot] * planned.slots
+        bind_again(planned.steps, candidate.facts, env, now)
+        bindings = tuple(env)
+        matches: list[InnerMatch] = []
+        planned.derive(self._store, env, candidate.facts, now, _ignore, matches)
+        return FiringRecord(
+            now,
+            number,
+            rule,
+            bindings,
+            _serials(candidate.facts),
+            _serials(effect.consumed),
+            tuple(_origins(planned.head, effect.derived, matches)),
+            None if candidate.rank == UNRANKED else candidate.rank,
+            tuple([Rival(index, None if rank == UNRANKED else rank) for index, rank in interpreter.rivals(rule)]),
+            tuple([(predicate, args) for predicate, goals in self._goals.open.items() for args in goals.values()]),
+        )
+
+
+def _ignore(part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
+    """Drop a failure of an expression: it was reported when the rule was matched."""
+    del part, step, facts, reason
+
+
+def _serials(facts: Iterable[Fact]) -> tuple[int, ...]:
+    return tuple([fact.serial for fact in facts])
+
+
+def _origins(head: Sequence[object], derived: Sequence[Chain], matches: Sequence[InnerMatch]) -> Iterator[ChainOrigin]:
+    """Yield the derived chains, each with the facts of the inner match or matches that it comes from."""
+    rest = iter(derived)
+    for part, item in enumerate(head):
+        if not isinstance(item, Inner):
+            yield ChainOrigin(next(rest), ())
+            continue
+        found = [_serials(facts) for place, facts in matches if place == part]
+        if isinstance(item.head, Comprehension):
+            for serials in found:
+                for _ in item.items:
+                    yield ChainOrigin(next(rest), serials)
+        elif found or not _needs_match(item.head):
+            yield ChainOrigin(next(rest), tuple([serial for serials in found for serial in serials]))
+
+
+def _needs_match(aggregate: Aggregate) -> bool:
+    """Return whether an aggregate of no match derives nothing."""
+    return aggregate.operator in (Operator.MIN, Operator.MAX)

@@ -1,0 +1,289 @@
+"""Provenance: a log of where each fact, goal and action of one robot comes from (why-provenance of Datalog engines).
+
+A robot writes this log only where its configuration has one, as in `rmr why`; the machine is then `ObservedMachine`.
+Records come in the order in which things happened. They refer to each other by numbers: a fact by the serial number of
+its insertion (a fact that comes back is another one), a firing by its number, an action by the serial number under
+which its end is awaited.
+
+The machine knows the causes inside it: firings, effects of actions, steps that follow an action, missed deadlines. The
+host tells the cause of its next input before it (`because`); an input without one comes from outside.
+"""
+
+from typing import NamedTuple
+
+from rmr.base.time import Instant
+from rmr.base.values import Value
+from rmr.bytecode.program import Pattern
+from rmr.vm.derive import Chain, DerivedKind
+
+Args = tuple[Value, ...]
+
+
+class GivenCause(NamedTuple):
+    """A fact or goal that holds at the start."""
+
+    giver: str
+    """``program``, ``lab``, or ``robot``: the robot's own number."""
+
+
+class OutsideCause(NamedTuple):
+    """An input of the host that neither program, lab nor sensors made."""
+
+
+class SensedCause(NamedTuple):
+    """A sensed fact: the robot's sensors state or withdraw it."""
+
+
+class FiringCause(NamedTuple):
+    """Derived by a firing."""
+
+    number: int
+    chain: int
+    """Place among the chains that the firing derived."""
+
+
+class EffectCause(NamedTuple):
+    """An effect of an action that has ended."""
+
+    action: int
+    ok: bool
+
+
+class StepCause(NamedTuple):
+    """A step that follows the end of an action (``a(R) then b(R)``)."""
+
+    action: int
+
+
+class HandlerCause(NamedTuple):
+    """The Python handler of an action has inserted the fact."""
+
+    action: int
+
+
+class DeliveredCause(NamedTuple):
+    """Another robot has sent it; source, epoch and sequence number identify the delivery on both robots."""
+
+    source: int
+    epoch: int
+    sequence: int
+
+
+class UndeliveredCause(NamedTuple):
+    """A delivery has been given up; a program may learn that by the fact ``undelivered``."""
+
+    destination: int
+    name: str
+    """Of the predicate that was not delivered."""
+
+
+class MissedCause(NamedTuple):
+    """The violation action of a missed deadline."""
+
+    job: int
+    """The job's serial number."""
+
+
+Cause = (
+    GivenCause
+    | OutsideCause
+    | SensedCause
+    | FiringCause
+    | EffectCause
+    | StepCause
+    | HandlerCause
+    | DeliveredCause
+    | UndeliveredCause
+    | MissedCause
+)
+
+
+class InsertionRecord(NamedTuple):
+    """A fact holds from now on. A set that holds the fact already records nothing."""
+
+    at: Instant
+    fact: int
+    """Serial number of the insertion."""
+    predicate: int
+    args: Args
+    cause: Cause
+
+
+class RemovalRecord(NamedTuple):
+    """A fact was consumed or withdrawn."""
+
+    at: Instant
+    fact: int
+    cause: Cause
+    """A firing, or what the sensors state."""
+
+
+class Rival(NamedTuple):
+    """Another rule that was satisfied when a rule fired."""
+
+    rule: int
+    rank: int | None
+
+
+class ChainOrigin(NamedTuple):
+    """A derived chain and the facts matched by the comprehension or aggregate that derived it."""
+
+    chain: Chain
+    inner: tuple[int, ...]
+    """Serial numbers, beside those of the rule's own body."""
+
+
+class FiringRecord(NamedTuple):
+    """A rule has fired."""
+
+    at: Instant
+    number: int
+    """From 1."""
+    rule: int
+    bindings: tuple[Value, ...]
+    """The rule's slots after its body has matched; 0 is the robot."""
+    matched: tuple[int, ...]
+    """A fact for each positive atom of the body."""
+    consumed: tuple[int, ...]
+    """Facts removed, those of comprehensions and aggregates too."""
+    derived: tuple[ChainOrigin, ...]
+    rank: int | None
+    """Further firings to an open goal; None: it leads to none."""
+    rivals: tuple[Rival, ...]
+    """The other rules that were satisfied."""
+    goals: tuple[tuple[int, tuple[Pattern, ...]], ...]
+    """Open goals: predicate and patterns."""
+
+
+class SendRecord(NamedTuple):
+    """A fact, goal or action of another robot was derived: the host has to send it."""
+
+    at: Instant
+    event: int
+    """Identity of the machine's event, by which `SendingRecord` refers to it."""
+    role: DerivedKind
+    destination: int
+    predicate: int
+    args: Args
+    cause: Cause
+
+
+class SendingRecord(NamedTuple):
+    """The host takes up an event of the machine that has to be sent; the exchange's number follows as `ToldRecord`."""
+
+    at: Instant
+    event: int
+
+
+class RefusedRecord(NamedTuple):
+    """What was taken up for sending cannot be sent."""
+
+    at: Instant
+    destination: int
+    why: str
+
+
+class ActionRecord(NamedTuple):
+    """An action was derived for this robot, or one of another robot whose end is awaited here."""
+
+    at: Instant
+    serial: int
+    predicate: int
+    executor: int
+    args: Args
+    cause: Cause
+    then: Chain
+    """Steps that wait for its end."""
+
+
+class ActionStage(NamedTuple):
+    """An action of this robot has come further."""
+
+    at: Instant
+    serial: int
+    stage: str
+    """``held`` (for its turn), ``begun``, ``ended``."""
+    words: str | None
+    """Held: the group whose turn it awaits. Ended: the reason of the failure, None if it completed."""
+
+
+class GoalRecord(NamedTuple):
+    """A goal was opened; one that holds already is achieved at once."""
+
+    at: Instant
+    predicate: int
+    args: tuple[Pattern, ...]
+    cause: Cause
+
+
+class JobRecord(NamedTuple):
+    """A fact has started a time assertion's job, or restarted it."""
+
+    at: Instant
+    job: int
+    fact: int
+
+
+class ToldRecord(NamedTuple):
+    """An event of the host's own: progress of deliveries, schedules, jobs."""
+
+    at: Instant
+    event: object
+
+
+ProvenanceRecord = (
+    InsertionRecord
+    | RemovalRecord
+    | FiringRecord
+    | SendRecord
+    | SendingRecord
+    | RefusedRecord
+    | ActionRecord
+    | ActionStage
+    | GoalRecord
+    | JobRecord
+    | ToldRecord
+)
+
+OUTSIDE = OutsideCause()
+SENSED = SensedCause()
+
+
+class ProvenanceLog:
+    """The log of one incarnation of a robot."""
+
+    def __init__(self) -> None:
+        self.records: list[ProvenanceRecord] = []
+        self._cause: Cause = OUTSIDE
+        self._events: list[object] = []
+
+    def because(self, cause: Cause) -> None:
+        """State the cause of the machine's next input."""
+        self._cause = cause
+
+    def cause(self) -> Cause:
+        """Return the cause of the present input; the next one is from outside unless a cause is stated."""
+        cause = self._cause
+        self._cause = OUTSIDE
+        return cause
+
+    def keep(self, event: object) -> int:
+        """Return an event's identity, which no other event of the run has: the event is kept."""
+        self._events.append(event)
+        return id(event)
+
+    def sending(self, now: Instant, event: object) -> None:
+        """Note that the host takes up an event that is to be sent, or a message of its own."""
+        self.records.append(SendingRecord(now, id(event)))
+
+    def refused(self, now: Instant, destination: int, why: str) -> None:
+        """Note that a message cannot be sent."""
+        self.records.append(RefusedRecord(now, destination, why))
+
+    def action(self, now: Instant, serial: int, stage: str, words: str | None = None) -> None:
+        """Note how far an action has come."""
+        self.records.append(ActionStage(now, serial, stage, words))
+
+    def told(self, now: Instant, event: object) -> None:
+        """Note an event of the host."""
+        self.records.append(ToldRecord(now, event))

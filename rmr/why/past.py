@@ -1,0 +1,67 @@
+"""The past of a run: the indexed minds of its robots, each made when it is first needed."""
+
+from collections.abc import Iterator, Sequence
+
+from rmr.base.time import Instant
+from rmr.bytecode.program import Program
+from rmr.vm.provenance import DeliveredCause
+from rmr.why.mind_history import HistorySource
+from rmr.why.mind_index import MindIndex, PastItem, PastSend
+
+
+class Past:
+    """The minds of a run."""
+
+    def __init__(self, source: HistorySource) -> None:
+        self.source = source
+        self._minds: dict[int, list[MindIndex]] = {}
+
+    @property
+    def program(self) -> Program:
+        """The program of the run."""
+        return self.source.program
+
+    @property
+    def robots(self) -> Sequence[int]:
+        """The ids of all robots."""
+        return self.source.robots
+
+    @property
+    def known_until(self) -> Instant:
+        """The instant up to which the run is known."""
+        return self.source.known_until
+
+    def minds(self, robot: int) -> list[MindIndex]:
+        """Return the incarnations of `robot`, the oldest first."""
+        if robot not in self._minds:
+            made: list[MindIndex] = []
+            for history in self.source.histories(robot):
+                made.append(MindIndex(history, self.program, made[-1].next_number if made else 1))
+            self._minds[robot] = made
+        return self._minds[robot]
+
+    def mind_at(self, robot: int, now: Instant) -> MindIndex | None:
+        """Return the incarnation that has begun last at `now`."""
+        return next((mind for mind in reversed(self.minds(robot)) if mind.begins <= now), None)
+
+    def sender(self, cause: DeliveredCause, receiver: int, at: Instant) -> tuple[MindIndex, PastSend] | None:
+        """Return what was sent, with its sender, that arrived at `receiver` at `at`; None if nobody knows."""
+        for mind in reversed(self.minds(cause.source)):
+            if mind.epoch & 0xFF == cause.epoch and mind.begins <= at:
+                send = mind.sent(receiver, cause.sequence)
+                return None if send is None else (mind, send)
+        return None
+
+    def item(self, robot: int, number: int) -> tuple[MindIndex, PastItem] | None:
+        """Return the item of `robot` with `number`."""
+        for mind in self.minds(robot):
+            if mind.first_number <= number < mind.next_number:
+                return mind, mind.items[number - mind.first_number]
+        return None
+
+    def all_minds(self, now: Instant) -> Iterator[MindIndex]:
+        """Yield the present incarnation of each robot."""
+        for robot in self.robots:
+            mind = self.mind_at(robot, now)
+            if mind is not None:
+                yield mind

@@ -1,0 +1,77 @@
+"""The histories of a recorded run: each mind is replayed with a provenance log when an explanation first needs it."""
+
+from rmr.base.time import Instant, in_seconds
+from rmr.bytecode.program import Program
+from rmr.mind.mind_reader import MindLogError
+from rmr.mind.recorded_minds import RecordedMind, minds, program_of
+from rmr.node.trace import TraceLevel
+from rmr.record.recording import Recording
+from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
+
+
+class UnexplainableError(Exception):
+    """The recording does not hold what an explanation needs; one sentence."""
+
+
+class ReplayedHistory:
+    """One incarnation."""
+
+    def __init__(self, mind: RecordedMind) -> None:
+        """Replay `mind`. Raises MindLogError if it cannot be."""
+        self.robot = mind.robot
+        self.epoch = mind.epoch
+        self.problem = ""
+        """Why the replay may not be what the robot did; empty if it is."""
+        log = ProvenanceLog()
+        replay = mind.replay(trace=TraceLevel.NOTES, provenance=log)
+        whose = f"robot {mind.robot}" + (f" (incarnation {mind.epoch})" if mind.epoch else "")
+        self.records: list[ProvenanceRecord] = log.records
+        try:
+            while replay.step():
+                pass
+        except MindLogError as error:
+            self.problem = f"the log of {whose} ends early: {error}"
+        if replay.difference is not None:
+            at = in_seconds(replay.difference.at)
+            self.problem = (
+                f"the replay of {whose} differs from its recording from {at:.3f} s on ({replay.difference.what}): "
+                "what happened later may be explained wrongly; `rmr replay` tells more"
+            )
+        self.known_until: Instant = replay.now
+
+
+class ReplayedHistories:
+    """The histories of a recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Raise UnexplainableError if the recording has no minds or no program."""
+        try:
+            self.program: Program = program_of(recording)
+            self._minds = minds(recording)
+        except MindLogError as error:
+            raise UnexplainableError(f"the run cannot be explained: {error}") from None
+        if not self._minds:
+            raise UnexplainableError("the run cannot be explained: its recording holds no minds of robots")
+        self.robots = sorted({*recording.about.roster, *[mind.robot for mind in self._minds]})
+        self.known_until: Instant = recording.span[1]
+        """The last instant of the recording."""
+        self.problems: list[str] = list(recording.problems)
+        self._made: dict[int, list[ReplayedHistory]] = {}
+
+    def histories(self, robot: int) -> list[ReplayedHistory]:
+        """Return the incarnations of `robot`, the oldest first, replayed."""
+        if robot not in self._made:
+            self._made[robot] = [
+                history for mind in self._minds if mind.robot == robot and (history := self._replayed(mind)) is not None
+            ]
+        return self._made[robot]
+
+    def _replayed(self, mind: RecordedMind) -> ReplayedHistory | None:
+        try:
+            history = ReplayedHistory(mind)
+        except MindLogError as error:
+            self.problems.append(f"what robot {mind.robot} did is not known: {error}")
+            return None
+        if history.problem:
+            self.problems.append(history.problem)
+        return history

@@ -1,0 +1,84 @@
+"""An explanation as data: a tree of facts, goals, actions and messages, each with its cause."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from rmr.base.time import Instant, in_seconds
+from rmr.base.values import Value, format_value
+from rmr.bytecode.program import Place
+
+
+@dataclass(slots=True)
+class RuleFiring:
+    """The firing that derived an item."""
+
+    number: int
+    rule: int
+    place: Place | None
+    bindings: tuple[Value, ...]
+    conditions: tuple[str, ...]
+    """Conditions and ``not`` of the body, with their values."""
+    goals: tuple[str, ...]
+    """Goals that it served."""
+    rank: int | None
+    """Further firings to the nearest of them."""
+
+
+@dataclass(slots=True)
+class WhyNode:
+    """One item and what led to it."""
+
+    number: str
+    """Of the item, ``17`` or, of another robot than the question's, ``3.17``; ``--more`` takes it."""
+    kind: str
+    """``fact``, ``goal``, ``action`` or ``message``."""
+    text: str
+    robot: int
+    at: Instant
+    cause: str
+    """``given``, ``outside``, ``sensed``, ``rule``, ``effect``, ``step``, ``handler``, ``message``, ``undelivered`` or
+    ``deadline``."""
+    words: str
+    """The cause in words."""
+    role: str = ""
+    """In the body of the rule above: ``consumed``, ``kept`` or ``read``."""
+    firing: RuleFiring | None = None
+    children: list["WhyNode"] = field(default_factory=list)
+    cut: bool = False
+    """Whether there is more below that is not shown."""
+    above: bool = False
+    """Whether the item is explained elsewhere in the same answer."""
+    omitted: int = 0
+    """Children left out because there are too many."""
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the tree for JSON."""
+        data: dict[str, Any] = {
+            "number": self.number,
+            "kind": self.kind,
+            "text": self.text,
+            "robot": self.robot,
+            "at_s": in_seconds(self.at),
+            "cause": self.cause,
+            "words": self.words,
+            "role": self.role or None,
+            "rule": None,
+            "more": self.cut,
+            "shown_elsewhere": self.above,
+            "omitted": self.omitted,
+            "children": [child.as_data() for child in self.children],
+        }
+        if self.firing is not None:
+            place = self.firing.place
+            data["rule"] = {
+                "number": self.firing.rule,
+                "file": None if place is None else place.file,
+                "line": None if place is None else place.line,
+                "column": None if place is None else place.column,
+                "firing": self.firing.number,
+                "bindings": [format_value(value) for value in self.firing.bindings],
+                "conditions": list(self.firing.conditions),
+                "goals": list(self.firing.goals),
+                "rank": self.firing.rank,
+            }
+        return data

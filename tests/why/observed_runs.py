@@ -1,0 +1,105 @@
+"""Runs whose robots write provenance logs: `rmr eval` of a program, and simulated labs, in this process."""
+
+import shlex
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+from command_runner import invoke
+
+import rmr.eval.ensemble
+import rmr_sim.simulation
+from rmr.base.time import Instant, seconds
+from rmr.bytecode.program import Program
+from rmr.commands.subcommands import command as main
+from rmr.node.config import NodeConfig
+from rmr.node.node import Node
+from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
+from rmr.why.absence import why_not
+from rmr.why.past import Past
+from rmr.why.question import question
+from rmr.why.why_answer import WhyAnswer, why
+from rmr.why.why_text import absence_text, why_text
+from rmr_sim.run_setup import Options, load
+
+
+@dataclass
+class Life:
+    """One incarnation."""
+
+    robot: int
+    epoch: int
+    log: ProvenanceLog
+
+    @property
+    def records(self) -> list[ProvenanceRecord]:
+        return self.log.records
+
+
+@dataclass
+class Observed:
+    """A run that is over."""
+
+    lives: dict[int, list[Life]] = field(default_factory=dict)
+    program: Program | None = None
+    known_until: Instant = 0
+
+    @property
+    def robots(self) -> list[int]:
+        return sorted(self.lives)
+
+    def histories(self, robot: int) -> list[Life]:
+        return self.lives.get(robot, [])
+
+    def node(self, config: NodeConfig, program: Program, *others: object) -> Node:
+        """Make a node that writes a log."""
+        self.program = program
+        log = ProvenanceLog()
+        self.lives.setdefault(config.robot, []).append(Life(config.robot, config.epoch, log))
+        return Node(replace(config, provenance=log), program, *others)
+
+    @property
+    def past(self) -> Past:
+        times = [life.records[-1].at for lives in self.lives.values() for life in lives if life.records]
+        self.known_until = max([self.known_until, *times])
+        return Past(self)
+
+    def why(self, text: str, at: float | None = None, **options: object) -> WhyAnswer:
+        past = self.past
+        asked = question(text, past.program, self.robots)
+        return why(past, asked, None if at is None else seconds(at), **options)
+
+    def text(self, text: str, at: float | None = None, **options: object) -> str:
+        return why_text(self.why(text, at, **options))
+
+    def why_not(self, text: str, at: float | None = None, **options: object) -> str:
+        past = self.past
+        asked = question(text, past.program, self.robots)
+        return absence_text(why_not(past, asked, None if at is None else seconds(at), **options))
+
+
+def evaluated(program: Path, arguments: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Observed, str]:
+    """Run `rmr eval` with `arguments`; return the run and the report."""
+    observed = Observed()
+    with monkeypatch.context() as patch:
+        patch.setattr(rmr.eval.ensemble, "Node", observed.node)
+        result = invoke(main, ["eval", str(program), *shlex.split(arguments)])
+    return observed, result.stdout
+
+
+def written(text: str, arguments: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Observed:
+    """Run `rmr eval` on a program given as text."""
+    path = folder / "a.rmr"
+    path.write_text(text)
+    return evaluated(path, arguments, monkeypatch)[0]
+
+
+def simulated(lab: Path, monkeypatch: pytest.MonkeyPatch, seed: int | None = None, **options: object) -> Observed:
+    """Run a lab in the simulator."""
+    observed = Observed()
+    with monkeypatch.context() as patch:
+        patch.setattr(rmr_sim.simulation, "Node", observed.node)
+        simulation = load(lab, Options(**options)).simulation(seed)
+        simulation.run()
+    observed.known_until = simulation.now
+    return observed
