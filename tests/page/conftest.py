@@ -3,12 +3,15 @@
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from page_driver import PageDriver
 from playwright.sync_api import Browser, sync_playwright
-from shown_run import FASTEST, ShownRun
+from shown_run import FASTEST, LABS, ShownRecording, ShownRun
+
+from rmr_sim.main import main as simulate
 
 
 @pytest.fixture(scope="session")
@@ -30,6 +33,32 @@ def over() -> Iterator[ShownRun]:
     run = ShownRun("corridor", speed=FASTEST)
     yield run
     run.close()
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Return the recording of `rmr sim LAB WORDS...`, made when it is first asked for."""
+    made: dict[tuple[str, ...], Path] = {}
+
+    def recording(lab: str, *words: str) -> Path:
+        key = (lab, *words)
+        if key not in made:
+            folder = tmp_path_factory.mktemp("recording") / "run"
+            with pytest.MonkeyPatch.context() as patch:
+                patch.chdir(LABS.parents[1])
+                assert simulate([str(LABS / lab), *words, "--run", str(folder)]) == 0
+            made[key] = folder
+        return made[key]
+
+    return recording
+
+
+@pytest.fixture(scope="module")
+def recorded(recordings: Callable[..., Path]) -> Iterator[ShownRecording]:
+    """The recording of the corridor with a page."""
+    shown = ShownRecording(recordings("corridor"))
+    yield shown
+    shown.close()
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A simulated run with its page, in this process: what `rmr sim LAB --view` starts."""
+"""Runs with their page, in this process: what `rmr sim LAB --view` and `rmr view RECORDING` start."""
 
 import threading
 import time
@@ -9,6 +9,7 @@ from typing import Any
 from rmr.node.trace import TraceLevel
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_view.page_server import PageServer, bind
+from rmr_view.recorded_source import RecordedSource
 from rmr_view.run_pacer import RunPacer
 from rmr_view.simulated_source import SimulatedSource
 
@@ -57,6 +58,24 @@ class ShownRun:
         self.simulation.stop()
         self.pacer.stop()
         self.thread.join()
+        self.server.stop()
+
+
+class ShownRecording:
+    """A recording."""
+
+    def __init__(self, path: Path) -> None:
+        self.source = RecordedSource(path)
+        self.server = PageServer(self.source, bind(0), None)
+        self.server.start()
+
+    @property
+    def address(self) -> str:
+        """The page's address."""
+        return self.server.address
+
+    def close(self) -> None:
+        """End the server."""
         self.server.stop()
 
 

@@ -164,8 +164,9 @@ def test_waiting_time_between_tries_grows(shown, visit):
 def test_end_of_a_live_run_is_said(shown, visit):
     run = shown("corridor", speed=FASTEST / 4)
     page = visit(run.address)
-    until(lambda: "The run is over" in page.page.locator(".notices").inner_text(), "the end")
-    assert page.page.locator(".state").inner_text() == "run is over"
+    said = "The run is over: all robots finished after 21.5 s. 6 of 6 deadlines were met."
+    until(lambda: said in page.page.locator(".notices").inner_text(), "the end")
+    assert page.page.locator(".state").inner_text() == "finished after 21.5 s"
     until(lambda: len(page.robots()) == 6, "all robots are still drawn")
 
 

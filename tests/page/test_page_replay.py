@@ -7,7 +7,7 @@ from shown_run import until
 @pytest.fixture
 def page(over, visit):
     driver = visit(over.address)
-    until(lambda: driver.state("report"), "the run is over")  # the sentence about it takes some height
+    until(lambda: driver.state("report"), "the run is over")
     driver.pause()
     return driver
 
@@ -60,16 +60,6 @@ def test_click_on_a_robot_shows_its_facts_of_that_instant(page):
     assert "lineup(@3, entry, 4)" in page.page.locator("#panel").inner_text()
     page.seek(0.01)
     until(lambda: "turn(@3, crossing, 4)" not in facts.all_inner_texts(), "the facts of the begin")
-
-
-def test_fact_asks_why_and_an_error_of_the_server_is_a_sentence(page):
-    page.press("3")
-    page.seek(5.0)
-    page.page.locator(".fact", has_text="waiting(@3)").click()
-    said = page.page.locator(".why .trouble")
-    until(lambda: said.count() and said.inner_text().strip(), "the answer")
-    assert said.inner_text().endswith(".")
-    page.troubles.clear()  # the browser logs every answer of an error
 
 
 def test_rule_that_fired_leads_to_its_line_of_the_program(page):
@@ -246,9 +236,7 @@ def test_page_asks_nobody_else_and_runs_under_a_strict_policy(over, visit):
 
 
 def test_run_that_is_over_is_said_to_be(page):
-    assert "The run is over: all robots finished after 21.5 s. 6 of 6 deadlines were met." in page.page.locator(
-        ".notices"
-    ).inner_text()
+    assert page.page.locator(".state").inner_text() == "finished after 21.5 s"
 
 
 def test_logs_are_filtered_by_robot_level_and_text(page):

@@ -25,6 +25,7 @@ export class Floor {
     this.fitted = true;
     this.drawn = new Map(); // robot -> {x, y, heading} of the last frame, metres and radians
     this.frames = 0;
+    this.linked = 0; // frames on the air in the last frame drawn
     this.stillKey = "";
     gestures(canvas, {
       drag: (dx, dy) => this.pan(dx, dy),
@@ -266,6 +267,7 @@ export class Floor {
   drawMoving(c) {
     const { run, layers, poses, selected, t } = this.source;
     this.drawn.clear();
+    this.linked = 0;
     for (const robot of run.robots) {
       const at = poses.at(robot, t);
       if (at) this.drawn.set(robot, { x: at[0], y: at[1], heading: at[2] });
@@ -286,7 +288,8 @@ export class Floor {
     const { x, y } = this.drawn.get(robot);
     points.push(x, y);
     const colour = robotColour(robot);
-    c.lineJoin = c.lineCap = "round";
+    c.lineJoin = "round";
+    c.lineCap = "butt"; // round ends would show as dots where two pieces meet
     c.lineWidth = Math.max(1.5, 0.025 * this.view.scale);
     // Three pieces of growing strength; one piece per point would cost a stroke each.
     const count = points.length / 2;
@@ -340,6 +343,7 @@ export class Floor {
       if (!from) continue;
       const age = (t - frame.start_s) / FRAME_S;
       if (age < 0 || age > 1) continue;
+      this.linked += 1;
       const to = frame.destination === null ? null : this.drawn.get(frame.destination);
       if (to) this.link(c, frame, from, to, age);
       else if (frame.destination === null) this.ring(c, frame.source, from, age);

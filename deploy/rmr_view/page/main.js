@@ -97,19 +97,21 @@ function Header() {
 function Status({ run, connection, report }) {
   if (connection.state === "lost") return html`<span class="state lost">disconnected</span>`;
   if (run.live) return html`<span class="state live"><i></i>${get().runPaused ? "paused" : "running"}</span>`;
-  return html`<span class="state">${report ? "run is over" : "recording"}</span>`;
+  if (report?.finished === undefined) return html`<span class="state">recording</span>`;
+  const text = report.finished ? `finished after ${clockText(report.time_s)}` : `not finished after ${clockText(report.time_s)}`;
+  return html`<span class=${report.finished ? "state" : "state lost"} title="the run is over">${text}</span>`;
 }
 
 /** Sentences about the connection, errors and problems of the recording. */
 function Notices() {
-  const { connection, message, run, report } = useKeys("connection", "message", "run", "report");
+  const { connection, message, run, report } = useKeys("connection", "message", "run", "report", "sawEnd");
   const [hidden, hide] = useState([]);
   const notes = [];
   if (connection.state === "lost") notes.push(html`<${Lost} key="lost" connection=${connection} />`);
   if (message && connection.state !== "lost") {
     notes.push(html`<div class="notice bad" role="alert" key="message"><span>${message}</span><button class="icon" aria-label="Dismiss" onClick=${() => set({ message: null })}>×</button></div>`);
   }
-  if (report && !hidden.includes("report")) {
+  if (report && get().sawEnd && !hidden.includes("report")) {
     notes.push(html`<div class="notice" role="status" key="over"><span>${overText(report)}</span><button class="icon" aria-label="Dismiss" onClick=${() => hide([...hidden, "report"])}>×</button></div>`);
   }
   for (const problem of run.problems ?? []) {
@@ -289,6 +291,18 @@ window.__rmr = {
   },
   get state() {
     return get();
+  },
+  get routes() {
+    return Object.fromEntries(routesAt(shownAt));
+  },
+  get estimates() {
+    return Object.fromEntries(get().run.robots.map((robot) => [robot, poses.at(robot, shownAt, true)]));
+  },
+  get links() {
+    return floor.linked;
+  },
+  get missed() {
+    return counts().missed;
   },
   place(robot) {
     const pose = floor.drawn.get(robot);

@@ -119,7 +119,7 @@ function outcome(frame) {
 }
 
 const TRAFFIC = [
-  { label: "sent", colour: "#0072B2", fill: true },
+  { label: "sent", colour: "#0072B2", dark: "#56B4E9", fill: true },
   { label: "repeats", colour: "#E69F00", dash: [6, 3] },
   { label: "lost", colour: ALERT, dash: [2, 2] },
 ];
@@ -171,10 +171,10 @@ function options(series, width, height, playhead) {
       {},
       ...series.map((one) => ({
         label: one.label,
-        stroke: one.colour,
+        stroke: (isDark() && one.dark) || one.colour,
         width: 1.5,
         dash: one.dash,
-        fill: one.fill ? `${one.colour}${isDark() ? "40" : "26"}` : undefined,
+        fill: one.fill ? `${(isDark() && one.dark) || one.colour}26` : undefined,
         points: { show: false },
         paths: uPlot.paths.stepped({ align: 1 }),
       })),

@@ -1,9 +1,9 @@
 // The chosen robot: state, deadline, schedule, goals, facts with `why`, actions, rules fired.
 
-import { html } from "./vendor/htm-preact.js";
+import { html, useState } from "./vendor/htm-preact.js";
 import { Badge, Instant, Place, RobotLink, Section } from "./parts.js";
 import { clockText, deadlineState, intervalAt, laneOf, leadersAt, schedulesAt, stateText } from "./run_facts.js";
-import { choose, explain } from "./session.js";
+import { choose, clock, explain } from "./session.js";
 import { get, set, useKeys } from "./store.js";
 import { Why } from "./why.js";
 
@@ -34,6 +34,7 @@ export function RobotPanel() {
     <${Head} />
     ${state.why ? html`<${Why} />` : null}
     ${detailsError ? html`<p class="trouble" role="status">${detailsError}</p>` : null}
+    ${details?.problem ? html`<p class="trouble" role="status">${sentence(details.problem)}</p>` : null}
     ${details ? html`<${Mind} details=${details} />` : detailsError ? null : html`<p class="empty">Replaying its mind …</p>`}
   </div>`;
 }
@@ -43,7 +44,7 @@ function Overview() {
   const { run, timeline, nowSlow } = useKeys("run", "timeline", "nowSlow");
   const leaders = leadersAt(timeline, nowSlow);
   return html`<table class="grid">
-    <thead><tr><th>Robot</th><th>State</th><th class="num">Deadline</th><th class="num">Left</th></tr></thead>
+    <thead><tr><th>Robot</th><th>State</th><th class="num">Deadline</th><th></th></tr></thead>
     <tbody>
       ${run.robots.map((robot) => {
         const deadline = currentDeadline(laneOf(timeline, robot).deadlines, nowSlow);
@@ -70,7 +71,7 @@ function Left({ deadline, t }) {
   if (state === "met") return html`<span class="good">✓ met</span>`;
   const done = deadline.finish_s !== null && deadline.finish_s !== undefined && deadline.finish_s <= t;
   if (state === "missed") return html`<span class="bad">✕ ${((done ? deadline.finish_s : t) - deadline.deadline_s).toFixed(1)} s late</span>`;
-  return `${(deadline.deadline_s - t).toFixed(1)} s`;
+  return `${(deadline.deadline_s - t).toFixed(1)} s left`;
 }
 
 function Head() {
@@ -83,6 +84,7 @@ function Head() {
     <div>
       <h2>Robot ${selected}${leadersAt(timeline, nowSlow).has(selected) ? html` <span class="tag">★ leads</span>` : null}</h2>
       <p>${since}</p>
+      ${details?.progress ? html`<p>${details.progress}</p>` : null}
     </div>
     <button class="icon" aria-label="Choose no robot" title="choose no robot (Esc)" onClick=${() => choose(null)}>×</button>
     ${deadline ? html`<${DeadlineBar} deadline=${deadline} t=${nowSlow} />` : null}
@@ -110,11 +112,12 @@ function PoseLine({ details }) {
 }
 
 function Mind({ details }) {
-  const { goals = {}, facts = [], fired = [], actions = [], outgoing } = details;
+  const { goals = {}, facts = [], fired = [], actions = [], queue } = details;
   const open = (goals.open ?? []).map((goal) => asPair(goal));
   const achieved = (goals.achieved ?? []).map((goal) => asPair(goal));
   return html`
     <${Schedules} robot=${details.robot} />
+    ${queue ? html`<p class="queue">${queue} ${queue === 1 ? "frame waits" : "frames wait"} in its radio.</p>` : null}
     ${open.length + achieved.length
       ? html`<${Section} title="Goals">
           <ul class="list">
@@ -126,13 +129,13 @@ function Mind({ details }) {
     <${Section} title="Facts" count=${facts.length} note=${facts.length ? null : "It holds none."}>
       <ul class="facts">${facts.map((fact) => html`<li key=${factText(fact)}><${Fact} robot=${details.robot} fact=${factText(fact)} t=${details.t} /></li>`)}</ul>
     </${Section}>
+    <${WhyNot} robot=${details.robot} />
     <${Section} title="Actions" note=${actions.length ? null : "None so far."}>
       <ul class="list timed">${last(actions, 12).map((action) => html`<${Action} action=${action} />`)}</ul>
     </${Section}>
     <${Section} title="Rules fired" note=${fired.length ? null : "None so far."}>
       <ul class="list timed">${last(fired, 15).map((one) => html`<li><${Instant} t=${one.t} digits=${3} /> <${Place} at=${one.rule} /></li>`)}</ul>
     </${Section}>
-    ${(Array.isArray(outgoing) ? outgoing.length : outgoing) ? html`<${Outgoing} outgoing=${outgoing} />` : null}
   `;
 }
 
@@ -141,6 +144,19 @@ function Fact({ robot, fact, t }) {
   const asked = why && why.robot === robot && why.fact === fact;
   return html`<button class="fact" aria-pressed=${asked ? "true" : "false"} title="why does robot ${robot} hold this?"
     onClick=${() => (asked ? set({ why: null }) : explain(robot, fact, t))}><code>${fact}</code><span class="ask">why?</span></button>`;
+}
+
+/** A fact that the robot does not hold, and the question why. */
+function WhyNot({ robot }) {
+  const [fact, setFact] = useState("");
+  const submit = (event) => {
+    event.preventDefault();
+    if (fact.trim()) explain(robot, fact.trim(), Math.round(clock.t * 1000) / 1000, true);
+  };
+  return html`<form class="whynot" onSubmit=${submit}>
+    <label><span class="hidden">A fact that it does not hold</span><input type="search" placeholder="at(@${robot}, exit)" value=${fact} onInput=${(event) => setFact(event.target.value)} /></label>
+    <button class="plain" disabled=${!fact.trim()}>why not?</button>
+  </form>`;
 }
 
 function Action({ action }) {
@@ -157,31 +173,20 @@ function Schedules({ robot }) {
   return html`<${Section} title="Schedule">
     ${mine.map(
       (one) => html`<div class="order" key=${one.event}>
-        ${one.order.map(
-          (other, place) =>
-            html`<span class=${other === robot ? "mine" : ""}>${place ? html`<i>›</i>` : null}<${RobotLink} robot=${other} /></span>`,
-        )}
+        <div>${one.order.map((other, place) => html`${place ? html`<i>›</i>` : null}<span class=${other === robot ? "mine" : ""}><${RobotLink} robot=${other} /></span>`)}</div>
         <p>${one.event ? html`<code>${one.event}</code> · ` : null}${ordinal(one.order.indexOf(robot) + 1)} of ${one.order.length} · made by robot ${one.leader}, term ${one.term}</p>
       </div>`,
     )}
   </${Section}>`;
 }
 
-function Outgoing({ outgoing }) {
-  const all = Array.isArray(outgoing) ? outgoing : [outgoing];
-  return html`<${Section} title="To be sent" count=${all.length}>
-    <ul class="list">${all.slice(0, 12).map((one) => html`<li><code>${outgoingText(one)}</code></li>`)}</ul>
-  </${Section}>`;
-}
-
-function outgoingText(one) {
-  if (typeof one !== "object") return `${one} frames wait`;
-  const to = one.destination === null || one.destination === undefined ? "all" : `robot ${one.destination}`;
-  return `${one.fact ?? one.text ?? JSON.stringify(one)} to ${to}`;
-}
-
 function factText(fact) {
   return typeof fact === "string" ? fact : fact.fact ?? fact.text ?? JSON.stringify(fact);
+}
+
+function sentence(text) {
+  const said = text[0].toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(said) ? said : `${said}.`;
 }
 
 function asPair(goal) {

@@ -196,9 +196,9 @@ function wrapped(angle) {
 }
 
 export class Entries extends Chunks {
-  /** `path` is the route under /api; `timeOf` an entry's instant in seconds. */
-  constructor(path, failed, timeOf = (entry) => entry.t ?? entry.start_s) {
-    super(10, failed);
+  /** `path` is the route under /api; `timeOf` an entry's instant in seconds; `seconds` the length of a chunk. */
+  constructor(path, failed, timeOf = (entry) => entry.t, seconds = 10) {
+    super(seconds, failed);
     this.path = path;
     this.timeOf = timeOf;
     this.cut = false;

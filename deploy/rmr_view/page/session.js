@@ -12,6 +12,7 @@ import { get, set } from "./store.js";
 const TIMELINE_EVERY_MS = 1000;
 const DETAILS_EVERY_MS = 500;
 const SLOW_EVERY_S = 0.2;
+const ROUTE_S = 120; // routes are told when they change: those in force are searched so far back
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20];
 
 export const clock = new PlaybackClock();
@@ -19,7 +20,7 @@ export const poses = new Poses(fail);
 export const frames = new Entries("frames", fail, (entry) => entry.start_s ?? entry.t);
 export const trace = new Entries("trace", fail);
 export const log = new Entries("log", fail);
-export const routes = new Entries("routes", fail);
+export const routes = new Entries("routes", fail, (entry) => entry.t, ROUTE_S);
 const now = () => performance.now() / 1000;
 let line = null;
 let timelineAsked = 0;
@@ -51,7 +52,7 @@ export async function start() {
   clock.end = run.end_s ?? clock.begin;
   clock.t = clock.begin;
   clock.running = Boolean(run.live);
-  set({ run });
+  set({ run, report: run.report ?? null });
   if (wanted.robot !== null && run.robots.includes(wanted.robot)) choose(wanted.robot);
   if (run.live) clock.goLive();
   if (wanted.t !== null) seek(wanted.t);
@@ -117,8 +118,8 @@ function ended(report) {
   const { run } = get();
   clock.running = false;
   if (report?.time_s !== undefined) clock.end = Math.max(clock.end, poses.newest);
-  set({ report: report ?? {}, run: { ...run, live: false }, runPaused: false });
-  renewTimeline();
+  set({ report: report ?? {}, sawEnd: run.live, run: { ...run, live: false, control: false }, runPaused: false });
+  if (run.live) renewTimeline();
 }
 
 // -- what is asked for again and again ----------------------------------------------------------------------
@@ -187,7 +188,7 @@ export function advance(milliseconds) {
   if (!run) return t;
   poses.need(t - 6, t + 2);
   if (layers.links) frames.need(t - 0.5, t + 2);
-  if (layers.routes && run?.routes) routes.need(t - 20, t + 2);
+  if (layers.routes) routes.need(t - ROUTE_S, t + 2);
   counted += 1;
   if (wall - slow >= SLOW_EVERY_S) {
     slow = wall;
@@ -205,9 +206,7 @@ export function advance(milliseconds) {
 /** Return the planned routes at `t`: pairs of robot and points. */
 export function routesAt(t) {
   const newest = new Map();
-  for (const entry of routes.between(t - 60, t)) newest.set(entry.robot, entry.points);
-  const { details, selected, run } = get();
-  if (!run.routes && details?.route?.length && details.robot === selected) newest.set(selected, details.route);
+  for (const entry of routes.between(t - ROUTE_S, t)) newest.set(entry.robot, entry.points);
   return newest;
 }
 
@@ -274,7 +273,7 @@ export async function explain(robot, fact, t, negative = false) {
   const why = { robot, fact, t, negative, tree: null, error: null };
   set({ why, tab: "robot" });
   try {
-    const tree = await ask("why", { robot, fact, t });
+    const tree = await ask("why", { robot, fact, t, not: negative ? 1 : null });
     if (get().why === why) set({ why: { ...why, tree } });
   } catch (error) {
     if (get().why === why) set({ why: { ...why, error: error.message } });

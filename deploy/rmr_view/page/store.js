@@ -16,7 +16,8 @@ let state = {
   place: null, // {name, line}: the place in the source that the program tab shows
   connection: { state: "connecting" },
   message: null, // a sentence about an error, shown until it is dismissed
-  report: null, // the report of a run that ended while the page looked on
+  report: null, // the report of a run that is over
+  sawEnd: false, // whether it ended while the page looked on
   help: false,
   nowSlow: 0,
   frameRate: 0,
