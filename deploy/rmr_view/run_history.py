@@ -202,6 +202,11 @@ class RunHistory:
         with self._lock:
             self._timeline.add_fault(fault)
 
+    def end_faults(self, t: float, keep: int) -> None:
+        """End the disturbances of the radio at `t`, but for the first `keep` faults: those of the lab."""
+        with self._lock:
+            self._timeline.end_faults(t, keep)
+
     # --- reading ---
 
     @property

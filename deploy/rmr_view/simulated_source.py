@@ -258,6 +258,7 @@ class SimulatedSource:
                 simulation.disturb(Disturbance(now, until, loss=order["loss"]))
             case "clear":
                 simulation.end_disturbances()
+                self.history.end_faults(in_seconds(now), len(simulation.lab.disturbances))
 
     async def close(self) -> None:
         """Let the run go on without waiting."""

@@ -18,6 +18,7 @@ Only `entered`, `left` and `slot_lost` name the event. What a robot did before b
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, ClassVar
 
 from rmr.base.time import in_seconds
@@ -111,6 +112,12 @@ class TurnIntervals:
             lane = self._lane(fault["stall"])
             stalled = {"kind": "stalled", "begin_s": float(fault["from"]), "end_s": float(fault["to"]), "event": None}
             lane.intervals.append(stalled)
+
+    def end_faults(self, now: float, keep: int) -> None:
+        """End the disturbances of the radio at `now`, but for the first `keep` faults: those of the lab."""
+        for fault in self._faults[keep:]:
+            if "from" in fault and not fault.keys() & {"stall", "slow", "outage"} and fault.get("to", inf) > now:
+                fault["to"] = max(now, fault["from"])
 
     def timeline(self, end_s: float) -> dict[str, Any]:
         """Return lanes, leaders, schedules and faults as values for JSON; what is open ends at `end_s`."""
