@@ -28,7 +28,7 @@ from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.escapes import ESCAPES
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 
-FOUR_LABS = ("corridor", "twoway", "testbed", "hall")
+FIVE_LABS = ("corridor", "twoway", "testbed", "formation", "hall")
 KEPT = "kept"
 SEEDS = "1-25"
 RULES = tuple(rule.name for rule in (*HAZARDS, *ESCAPES))
@@ -70,7 +70,7 @@ def carried_out(case: Case) -> Row:
         "contacts": report["collisions"],
         "violations": len(report["violations"]),
         "time_s": report["time_s"],
-        "ratio": report["time_s"] / report["bound_s"],
+        "ratio": report["time_s"] / (report["bound_s"] or 1.0),  # a lab in which nobody travels has no bound: seconds
         "fired": {name: count for name, count in sorted(simulation.firings.items()) if name in RULES},
     }
 
@@ -227,7 +227,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", default=SEEDS, help=f"A-B, of each lab (default {SEEDS})")
     parser.add_argument(
         "--labs",
-        default=",".join((KEPT, *FOUR_LABS)),
+        default=",".join((KEPT, *FIVE_LABS)),
         help="of deploy/labs, and `kept`",
     )
     parser.add_argument("--rules", default=",".join(RULES), help="which rules are left out (default: all)")

@@ -28,16 +28,16 @@ def test_leaving_out_the_rules_that_did_not_fire_changes_nothing(lab: str, seed:
 def test_a_rule_that_fired_is_left_out_and_others_count_as_equal(tmp_path, monkeypatch) -> None:
     state, out = tmp_path / "state.json", tmp_path / "out"
     out.mkdir()
-    command = ["ablation.py", "--labs", "testbed", "--seeds", "5", "--rules", "gate,give_way", "--resume"]
+    command = ["ablation.py", "--labs", "testbed", "--seeds", "5", "--rules", "gate,retreat", "--resume"]
     monkeypatch.setattr(sys, "argv", [*command, "--state", str(state), "--out", str(out)])
     ablation.main()
     assert [json.loads(line)[0] for line in state.read_text().splitlines()] == [
         "testbed/testbed/5/",
         "testbed/testbed/5/gate",
     ]
-    gate, give_way = (json.loads(line) for line in (out / "ablation.jsonl").read_text().splitlines())
+    gate, retreat = (json.loads(line) for line in (out / "ablation.jsonl").read_text().splitlines())
     assert (gate["fired"], gate["changed"]) == (1, 1)
-    assert (give_way["fired"], give_way["changed"], give_way["verdict"]) == (0, 0, "never fires")
+    assert (retreat["fired"], retreat["changed"], retreat["verdict"]) == (0, 0, "never fires")
     assert "| `gate` | 1 of 1 | 1 |" in (out / "ablation.md").read_text()
     monkeypatch.setattr(ablation, "carried_out", lambda case: pytest.fail(f"{case} is known"))
     ablation.main()
@@ -73,4 +73,4 @@ def test_an_interrupted_ablation_knows_what_it_has(tmp_path) -> None:
     (tmp_path / "state").write_text(json.dumps([case.key, {"fired": {"gate": 3}}]) + "\n")
     state = State(tmp_path / "state", resume=True)
     assert state.missing([case, case._replace(seed=6)]) == [case._replace(seed=6)]
-    assert [each.without for rule in ("gate", "lost") for each in state.to_ablate(rule, [case])] == ["gate"]
+    assert [each.without for rule in ("gate", "retreat") for each in state.to_ablate(rule, [case])] == ["gate"]

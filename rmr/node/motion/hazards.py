@@ -16,13 +16,11 @@ from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, tu
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hearing import LISTENS, OVERDUE_HELLOS, SILENT
-from rmr.node.motion.queueing import Queueing
+from rmr.node.motion.queueing import waits_in_queue
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.stopping import stopping_speed
 from rmr.node.ports import SeenBody
 
-LOST_SIGMA_M: Final = 0.1
-"""A robot whose position has a greater standard deviation than this drives at half speed."""
 STRAIGHT_RAD: Final = 0.1
 """A robot whose direction changes by less than this while it brakes counts as driving straight."""
 UNRANKED: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
@@ -55,11 +53,9 @@ class HazardScene:
         "now",
         "parked",
         "pose",
-        "queue",
         "ranked",
         "remembered_from",
         "right_of_way",
-        "sigma_m",
         "silence",
         "switches",
         "twist",
@@ -70,14 +66,12 @@ class HazardScene:
         self.switches = switches
         self.now: Instant = 0
         self.pose = Pose(0.0, 0.0, 0.0)
-        self.sigma_m = 0.0
         self.silence = 0
         """The reasons of silence that forbid driving on, flags of `hearing`; 0: none."""
         self.gate = EntryGate(arena.shape, holding=False)
         self.follower: Follower | None = None
         self.right_of_way = 1.0
         """The share of full speed that keeps clear of those that go first."""
-        self.queue = Queueing()
         self.parked: tuple[Point, ...] = ()
         self.twist = Twist(0.0, 0.0)
         """The wheel command that the rules for bodies judge."""
@@ -159,26 +153,13 @@ class QueueRule(Hazard):
         """Return 0 while a robot that goes first still stands on the route before the gate."""
         follower = around.follower
         gate = around.gate
-        queue = around.queue
         if not around.parked or follower is None:
             return v
-        if around.silence:  # the queue is not watched meanwhile: patience does not begin
-            around.count_silence()
-            return v
         # If the gate is nearer than a radius, no robot has room before it.
-        if (follower.route.gate_m or 0.0) < around.arena.shape.radius or gate.passed or queue.overtakes:
+        if (follower.route.gate_m or 0.0) < around.arena.shape.radius or gate.passed:
             return v
-        opens_at = around.now - 1 if gate.opened else gate.opens_at
         at = Point(around.pose.x, around.pose.y)
-        return 0.0 if queue.waits(around.now, around.arena, at, around.parked, opens_at) else v
-
-
-class LostRule(Hazard):
-    """Uncertain localisation."""
-
-    def limit(self, around: HazardScene, v: float) -> float:
-        """Return at most half of the full speed while the robot's own position is uncertain."""
-        return min(v, 0.5 * around.arena.shape.speed) if around.sigma_m > LOST_SIGMA_M else v
+        return 0.0 if waits_in_queue(around.arena, at, around.parked) else v
 
 
 class DangerRule(Hazard):

@@ -22,7 +22,6 @@ from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.grid import discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
-from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.replanning import ordered_route, replanned
 from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -41,7 +40,7 @@ class Navigator:
 
     __slots__ = (
         "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
-        "_parked", "_pose", "_queue", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
+        "_parked", "_pose", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
         "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
 
@@ -63,7 +62,6 @@ class Navigator:
         self._parked: tuple[Point, ...] = ()
         self._next_try: Instant = 0
         self._replan_due = False
-        self._queue = Queueing()
         self._reverse_until: Instant = 0
         self._excursion: Excursion | None = None
         self._right_of_way = 1.0
@@ -154,17 +152,16 @@ class Navigator:
     def _clear(self) -> None:
         self._order = self._follower = self._face = self._driven = self._excursion = None
         self._gate = EntryGate(self.arena.shape, holding=False)
-        self._queue = Queueing()
         self._replan_due = False
         self._reverse_until = 0
         self._right_of_way = 1.0
         self._v = 0.0
 
-    def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
-        """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
+    def step(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
+        """Return the wheel command of this tick for the estimated `pose`."""
         self._pose = pose
         control = self.control
-        control.perceive(now, pose, sigma, bodies)
+        control.perceive(now, pose, bodies)
         if self._driven is not None:
             return control.by_hand(self._driven)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
@@ -192,10 +189,8 @@ class Navigator:
     def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
         control = self.control
-        cap = control.cap(follower, self._gate, self._queue, self._right_of_way, self._parked)
+        cap = control.cap(follower, self._gate, self._right_of_way, self._parked)
         wish = follower.steer(pose, cap)
-        if self._queue.late and not self._queue.overtakes:
-            self._escape(now, pose, DeadlockCause.QUEUE)
         allowed = control.slowed(wish)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
         stuck = STILL if bumped else allowed
@@ -254,7 +249,6 @@ class Navigator:
                 driving=self._driving,
                 route=self.route,
                 gate=self._gate,
-                queue=self._queue,
                 tries=stand_off.tries,
                 endured=stand_off.walks if endures else 0,
                 replan=lambda: self._replan(now, pose, keep=True),
@@ -267,7 +261,6 @@ class Navigator:
             self._follower = Follower(manoeuvre.excursion.route, arena.shape)
         if manoeuvre.reverse:
             self._reverse_until = now + manoeuvre.reverse
-        self._replan_due = self._replan_due or manoeuvre.replans
         return True
 
     def _come_back(self, now: Instant, pose: Pose) -> None:
@@ -297,8 +290,8 @@ class Navigator:
         start = Point(pose.x, pose.y)
         around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
         order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed)
-        # Robots that go first, in the queue, are waited for and not driven around; unless they are to be overtaken.
-        route = replanned(self.arena, start, order, self._parked, around, self._queue.overtakes, at_goal=keep)
+        # Robots that go first, in the queue, are waited for and not driven around.
+        route = replanned(self.arena, start, order, self._parked, around, at_goal=keep)
         if route is None:
             if not keep:
                 self._follower = None
@@ -384,7 +377,7 @@ class Navigator:
     ) -> Estimate | None:
         """Return what driving from `pose` to `goal` would take, without moving; None when there is no way."""
         order = DriveOrder(goal, shared, through_gate)
-        route = ordered_route(self.arena, Point(pose.x, pose.y), order, parked, self._queue.overtakes)
+        route = ordered_route(self.arena, Point(pose.x, pose.y), order, parked)
         if route is None:
             return None
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
@@ -393,5 +386,5 @@ class Navigator:
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
         order = DriveOrder(goal, None, through_gate=True)
-        route = ordered_route(self.arena, Point(pose.x, pose.y), order, (), self._queue.overtakes)
+        route = ordered_route(self.arena, Point(pose.x, pose.y), order, ())
         return None if route is None else shared_part(self.arena, route)

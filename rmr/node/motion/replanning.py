@@ -12,14 +12,12 @@ from rmr.node.motion.grid import off_goal
 from rmr.node.motion.route import DriveOrder, Route, follower_route, leader_route, off_queue
 
 
-def ordered_route(
-    arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point], overtakes: bool
-) -> Route | None:
+def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Route | None:
     """Return the route from `start` that `order` asks for, around those `parked`; None when there is none.
 
-    Robots that stand before `start` in the gate's queue are no obstacles unless it `overtakes` them: they go first.
+    Robots that stand before `start` in the gate's queue are no obstacles: they go first.
     """
-    if order.through_gate and not overtakes:
+    if order.through_gate:
         parked = off_queue(arena, start, parked)
     if order.through_gate and order.shared is not None:
         return follower_route(arena, start, order.goal, parked, order.shared)
@@ -32,7 +30,6 @@ def replanned(
     order: DriveOrder,
     parked: tuple[Point, ...],
     around: tuple[Point, ...],
-    overtakes: bool,
     *,
     at_goal: bool,
 ) -> Route | None:
@@ -40,10 +37,10 @@ def replanned(
 
     Those are the ones that stand on the goal (`at_goal`), or all but the `parked` robots.
     """
-    route = ordered_route(arena, start, order, around, overtakes)
+    route = ordered_route(arena, start, order, around)
     if route is not None:
         return route
     if at_goal:
         elsewhere = off_goal(around, order.goal, arena.shape.radius)
-        return ordered_route(arena, start, order, elsewhere, overtakes)
-    return None if around == parked else ordered_route(arena, start, order, parked, overtakes)
+        return ordered_route(arena, start, order, elsewhere)
+    return None if around == parked else ordered_route(arena, start, order, parked)

@@ -16,7 +16,6 @@ from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, LISTENS, OVERDUE_HELLOS, SILENT, Hearing
-from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
@@ -51,13 +50,12 @@ class SpeedControl:
             if switches.off(rule):
                 self.hearing.heeds &= ~flag
 
-    def perceive(self, now: Instant, pose: Pose, sigma_m: float, bodies: Sequence[SeenBody]) -> None:
-        """Take in the estimated pose, with its standard deviation, and the bodies in view."""
+    def perceive(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> None:
+        """Take in the estimated pose and the bodies in view."""
         self._seen = self._memory.update(now, pose, bodies, self.hearing.fresh)
         around = self.scene
         around.now = now
         around.pose = pose
-        around.sigma_m = sigma_m
         around.remembered_from = len(bodies)
         around.silence = self.hearing.forbids(now, pose, bodies)
 
@@ -67,14 +65,11 @@ class SpeedControl:
             self.scene.count_silence()
         return self.scene.silence != 0
 
-    def cap(
-        self, follower: Follower, gate: EntryGate, queue: Queueing, right_of_way: float, parked: tuple[Point, ...]
-    ) -> float:
+    def cap(self, follower: Follower, gate: EntryGate, right_of_way: float, parked: tuple[Point, ...]) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
         around = self.scene
         around.follower = follower
         around.gate = gate
-        around.queue = queue
         around.right_of_way = right_of_way
         around.parked = parked
         return self.law.cap(around)

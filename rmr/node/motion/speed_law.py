@@ -14,7 +14,6 @@ from rmr.node.motion.hazards import (
     Hazard,
     HazardScene,
     HazardStage,
-    LostRule,
     QueueRule,
     RightOfWay,
     SilenceRule,
@@ -89,13 +88,6 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "robots that go first and still stand before the gate",
         "a robot waits for those in the places of the queue before its own to leave",
         "queueing.py",
-    ),
-    LostRule(
-        "lost",
-        HazardStage.CAP,
-        "an uncertain position",
-        "half of the full speed while the standard deviation of the position is above 10 cm",
-        "hazards.py",
     ),
     Hazard(
         "memory",

@@ -174,7 +174,7 @@ class Bench:
         """Let every active robot decide on the same instant, then move all."""
         self.tick += 1
         for body in self.bodies:
-            body.command = body.nav.step(self.now, body.estimate, 0.005, body.sees(self.bodies), body.bumped)
+            body.command = body.nav.step(self.now, body.estimate, body.sees(self.bodies), body.bumped)
         for body in self.bodies:
             body.move()
         self._contacts()

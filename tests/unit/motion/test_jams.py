@@ -17,7 +17,7 @@ from rmr.node.crossing.situation import CrossingPlan, Withdraw
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.motion.standoff.detector import ENDURED, DeadlockDetector
-from rmr.node.motion.standoff.escapes import back_out, retreat_until
+from rmr.node.motion.standoff.escapes import retreat_until
 from rmr.node.motion.standoff.refuge import Side, paths_of, retreat_route, side_of
 from rmr.node.ports import SeenBody
 from rmr.vm.job import TimedJob
@@ -54,7 +54,6 @@ def test_each_robot_and_each_try_has_a_way_and_a_time_of_its_own():
     }
     assert all(a.points[-1] != b.points[-1] for a, b in combinations(ways.values(), 2))
     assert len({retreat_until(0, robot, tries) for robot, tries in ways}) == 4
-    assert len({back_out(robot, 1) for robot in range(1, 9)}) == 2
 
 
 def test_a_robot_that_is_walled_in_finds_no_way():
@@ -81,7 +80,7 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     while now < 2 * ENDURED and not navigator.aside:
         now += seconds(1 / 60)
         navigator.update_moving(now, 1, [Heard(8, Pose(at.x + 0.16, at.y - 0.05, 2.0), Point(0.15, 1.35), 2, now)])
-        navigator.step(now, at, 0.005, [SeenBody(0.15, -0.05, 0.0, 0.0)], bumped=False)
+        navigator.step(now, at, [SeenBody(0.15, -0.05, 0.0, 0.0)], bumped=False)
         passed = passed or navigator.passed_gate
     assert passed
     assert navigator.aside is walks
@@ -101,7 +100,7 @@ def test_who_waits_for_its_turn_makes_room_for_one_that_is_stuck_between_it_and_
     while now < seconds(4) and not waits.aside:
         now += seconds(1 / 60)
         waits.update_moving(now, 7, [Heard(4, seen, GOAL, 2, now)])
-        waits.step(now, at, 0.003, [], bumped=False)
+        waits.step(now, at, [], bumped=False)
     assert waits.aside
     assert not waits.passed_gate
     assert waits.route is not None
@@ -116,7 +115,7 @@ def test_who_is_inside_with_its_turn_waits_for_nobody_that_stands_in_the_mouth_b
     speed = 0.0
     while now < seconds(1):
         now += seconds(1 / 60)
-        speed = inside.step(now, at, 0.003, [], bumped=False).v
+        speed = inside.step(now, at, [], bumped=False).v
     assert speed > 0.1
 
 

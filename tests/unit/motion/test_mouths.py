@@ -13,7 +13,7 @@ from rmr.node.crossing.approach import Approach, departures
 from rmr.node.motion.gate import PUT_OFF_S, EntryGate
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import follower_route, leader_route
-from rmr.node.motion.standoff.refuge import yield_spot
+from rmr.node.motion.standoff.refuge import clearing_spot
 
 MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))
 LEFT, RIGHT = Point(0.45, 0.15), Point(2.55, 1.35)
@@ -101,7 +101,7 @@ def test_who_waits_right_before_one_that_stands_in_the_mouth_is_in_its_way():
 
 def test_out_of_the_mouth_there_is_room_aside_even_next_to_one_that_waits():
     mouth, other = MOUTHS[1], Point(1.97, 0.99)
-    spot = yield_spot(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
+    spot = clearing_spot(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
     assert spot is not None
     assert spot.x > mouth.x
     assert math.dist(spot, mouth) > 0.27

@@ -14,26 +14,18 @@ from rmr.base.geometry import Point
 from rmr.base.streams import uniform
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.grid import off_goal
 from rmr.node.motion.priority import Heard
-from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.route import Route
-from rmr.node.motion.standoff.refuge import Side, paths_of, retreat_route, side_of, yield_route
+from rmr.node.motion.standoff.refuge import Side, clearing_route, paths_of, retreat_route, side_of
 
-YIELD_S: Final[Duration] = seconds(4)
-"""How long a yield takes at most, the way there included."""
+CLEAR_S: Final[Duration] = seconds(4)
+"""How long clearing an entrance takes at most, the way there included."""
 RETREAT_S: Final = 6.0
 """How long a retreat takes at least until the robot comes back, the way there included."""
 RETREAT_SPREAD_S: Final = 6.0
 """How much longer a retreat takes at most, by chance."""
-BACK_OUT_S: Final = 1.6
-"""Length of the first reverse manoeuvre within the bottleneck; each further one is longer by as much."""
-BACK_OUT_TRIES_MAX: Final = 4
-"""Number of tries after which backing out gets no longer."""
 REVERSE_S: Final = 0.4
 """Length of the reverse manoeuvre that makes room for a detour; twice as long where there is no detour."""
-GIVE_WAY_TRIES_MAX: Final = 5
-"""Number of tries after which giving way in the bottleneck gets no longer."""
 
 
 class DeadlockCause(Enum):
@@ -41,12 +33,10 @@ class DeadlockCause(Enum):
 
     ENTRANCE = "stands in an entrance"
     """The robot stands without its turn where others come out, or before one that stands there."""
-    QUEUE = "queue does not move"
-    """A robot that goes first has not left the queue although this one's slot has begun."""
     DEADLOCK = "deadlock"
     """Others keep the robot standing, and its patience is over."""
     NO_WAY_BACK = "no way back"
-    """After a yield or a retreat there is no route to the goal."""
+    """After an excursion there is no route to the goal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +57,6 @@ class Manoeuvre:
     excursion: Excursion | None = None
     reverse: Duration = 0
     """For so long the robot drives straight back."""
-    replans: bool = False
-    """Whether the route to the goal is to be planned anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +76,6 @@ class Impasse:
     """What robots that drive have reported."""
     route: Route | None
     gate: EntryGate
-    queue: Queueing
     tries: int
     """The number of the present escape from a deadlock, from 1."""
     endured: int
@@ -123,26 +110,13 @@ class ClearEntrance(Escape):
         return impasse.symptom is DeadlockCause.ENTRANCE
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a yield to a spot before the entrance, outside the room that is left for others."""
+        """Return a drive to a spot before the entrance, outside the room that is left for others."""
         route = impasse.route
         assert route is not None, "an entrance is one of a route"
         room = impasse.gate.room(route)
         end = route.points[-1]
-        out = yield_route(impasse.arena, impasse.at, end, impasse.parked, impasse.others, route.mouth, room)
-        return _yielded(impasse, out)
-
-
-class OvertakeQueue(Escape):
-    """Drives around robots in the queue that do not leave."""
-
-    def applies(self, impasse: Impasse) -> bool:
-        """Return whether the queue does not move."""
-        return impasse.symptom is DeadlockCause.QUEUE
-
-    def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a new route, in which those in the queue are obstacles."""
-        impasse.queue.overtakes = True
-        return Manoeuvre(replans=True)
+        out = clearing_route(impasse.arena, impasse.at, end, impasse.parked, impasse.others, route.mouth, room)
+        return None if out is None else Manoeuvre(Excursion(out, impasse.now + CLEAR_S, stays=False))
 
 
 class Retreat(Escape):
@@ -168,39 +142,6 @@ class Retreat(Escape):
         return Manoeuvre(Excursion(route, retreat_until(impasse.now, impasse.robot, tries), stays=True))
 
 
-class BackOut(Escape):
-    """Drives back within the bottleneck, at random."""
-
-    def applies(self, impasse: Impasse) -> bool:
-        """Return whether the deadlock endures, within the bottleneck."""
-        return impasse.endured > 0 and side_of(impasse.arena, impasse.at, impasse.goal) is Side.WITHIN
-
-    def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a reverse manoeuvre, or None at every second try."""
-        length = back_out(impasse.robot, impasse.endured)
-        return Manoeuvre(reverse=length) if length else None
-
-
-class YieldEscape(Escape):
-    """Makes room for a robot that stands on the goal, and may want this one's place."""
-
-    def applies(self, impasse: Impasse) -> bool:
-        """Return whether the goal is occupied, at every second try.
-
-        Not before the end of the bottleneck: on a route without a gate the robot would count as out of it.
-        """
-        if impasse.symptom is not DeadlockCause.DEADLOCK or impasse.tries % 2:
-            return False
-        if impasse.route is not None and impasse.route.gate_m is not None and not impasse.gate.cleared:
-            return False
-        others = impasse.others
-        return off_goal(others, impasse.goal, impasse.arena.shape.radius) != others
-
-    def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a step out of the way."""
-        return _yielded(impasse, yield_route(impasse.arena, impasse.at, impasse.goal, impasse.parked, impasse.others))
-
-
 class Detour(Escape):
     """Drives around the others."""
 
@@ -213,23 +154,6 @@ class Detour(Escape):
         if not impasse.replan():
             return None
         return Manoeuvre(reverse=seconds(REVERSE_S if impasse.tries % 3 else 2.0 * REVERSE_S))
-
-
-class GiveWay(Escape):
-    """Drives back out of a bottleneck in which robots meet head to head.
-
-    If both went back, both would come back. So all that entered by the second entrance give way, ever farther, until
-    they are out; the others stay and follow up.
-    """
-
-    def applies(self, impasse: Impasse) -> bool:
-        """Return whether the robot is in a bottleneck that is entered from both sides."""
-        return impasse.symptom is DeadlockCause.DEADLOCK and impasse.gate.met_by(impasse.route) is not None
-
-    def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a reverse manoeuvre, none by the first entrance."""
-        length = 2.0 * REVERSE_S * min(impasse.tries, GIVE_WAY_TRIES_MAX)
-        return Manoeuvre(reverse=seconds(length if impasse.gate.met_by(impasse.route) else 0.0))
 
 
 class Reverse(Escape):
@@ -245,22 +169,9 @@ class Reverse(Escape):
         return Manoeuvre(reverse=seconds(2.0 * REVERSE_S))
 
 
-def _yielded(impasse: Impasse, route: Route | None) -> Manoeuvre | None:
-    return None if route is None else Manoeuvre(Excursion(route, impasse.now + YIELD_S, stays=False))
-
-
 def retreat_until(now: Instant, robot: int, tries: int) -> Instant:
     """Return when a robot comes back from its `tries`-th retreat that begins `now`."""
     return now + seconds(RETREAT_S + RETREAT_SPREAD_S * uniform("stay", robot, tries))
-
-
-def back_out(robot: int, tries: int) -> Duration:
-    """Return how long a robot in the bottleneck drives back at its `tries`-th try; 0 at every second one.
-
-    Which, is drawn from its id and the tries, so that of two that are head to head one gives way.
-    """
-    goes = uniform("retreat", robot, tries) < 0.5
-    return seconds(BACK_OUT_S * min(tries, BACK_OUT_TRIES_MAX)) if goes else 0
 
 
 ESCAPES: Final[tuple[Escape, ...]] = (
@@ -270,40 +181,20 @@ ESCAPES: Final[tuple[Escape, ...]] = (
         "and right before it (7 cm from hull to hull) is one that has come out and has no room to turn past it",
         "it drives out of the way, by 0.28 m to 0.84 m, for 4 s at most, and comes back",
     ),
-    OvertakeQueue(
-        "overtake_queue",
-        "a robot that goes first waits in the queue before this one and does not leave",
-        "4 s after the start of its own slot the robot drives around it",
-    ),
     Retreat(
         "retreat",
-        "a jam outside of the bottleneck: no escape has led 10 cm away for 8 s, or a robot that has yielded finds no "
+        "a jam outside of the bottleneck: no escape has led 10 cm away for 8 s, or a robot that has made room finds no "
         "route back for so long; with its turn or without",
         "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
         "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
         "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
         "a turn that it has",
     ),
-    BackOut(
-        "back_out",
-        "the same within the bottleneck",
-        "the robot reverses for 1.6 to 6.4 s, with probability 1/2 at each try",
-    ),
-    YieldEscape(
-        "yield",
-        "deadlock: the other robot stands on the goal, and may want this one's place",
-        "at every second try the robot steps aside for at most 4 s, to the right where there is room",
-    ),
     Detour(
         "detour",
         "deadlock, and there is another route",
         "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others. They are taken to be "
         "5 cm farther to the left, so that both pass on the right",
-    ),
-    GiveWay(
-        "give_way",
-        "deadlock, head-on in a bottleneck that is entered from both sides",
-        "robots that entered by the second entrance reverse, for 0.8 s to 4 s, farther each time; the others stay",
     ),
     Reverse(
         "reverse",

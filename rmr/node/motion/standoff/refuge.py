@@ -1,7 +1,6 @@
-"""Where a robot goes to make room: a spot near by to yield to, or a retreat on free floor, away from a jam.
+"""Where a robot goes to make room: a spot beside an entrance, or a retreat on free floor, away from a jam.
 
-Both keep off what is parked and off the other bodies. A yield is a short step out of the way, to the right first: two
-robots that want each other's places then leave the line between them on different sides.
+Both keep off what is parked and off the other bodies.
 
 A retreat dissolves a jam by construction. In a jam that nothing else has dissolved each robot leaves at random, ever
 farther, off the paths of the others where it can, and stays away for a random time. As long as there is free floor
@@ -20,10 +19,10 @@ from rmr.node.motion.grid import PATH_MARGIN_M, segment_clearance
 from rmr.node.motion.priority import Heard
 from rmr.node.motion.route import Route, leader_route
 
-YIELD_RADII: Final = 4.0
-"""Distance of the nearest spots to yield to: two hulls and as much room between them."""
-YIELD_ANGLES_DEG: Final = (-90, -135, -45, 90, 135, 45, 180)
-"""Directions of a yield, from the direction to the goal; the right-hand side first."""
+STEP_RADII: Final = 4.0
+"""Distance of the nearest spots: two hulls and as much room between them."""
+CLEARING_ANGLES_DEG: Final = (-90, -135, -45, 90, 135, 45, 180)
+"""Directions in which an entrance is cleared, from the direction to the goal; the right-hand side first."""
 FARTHER: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0)
 """Multiples of the distance that are tried where there is no room nearer, or nothing has helped so often."""
 RETREAT_DIRECTIONS: Final = 12
@@ -53,38 +52,38 @@ def side_of(arena: Arena, place: Point, goal: Point) -> Side:
     return Side.WITHIN if route.within else Side.BEFORE
 
 
-def yield_spot(
-    arena: Arena, start: Point, goal: Point, others: Sequence[Point], entrance: Pose | None = None, off_m: float = 0.0
+def clearing_spot(
+    arena: Arena, start: Point, goal: Point, others: Sequence[Point], entrance: Pose, off_m: float
 ) -> Point | None:
-    """Return where to yield from `start` on the way to `goal`, clear of `others`; None where there is no room.
+    """Return where to go from `start`, on the way to `goal`, to clear an entrance; None where there is no room.
 
-    With the pose of an `entrance`, as a robot that enters by it has it, the spot is before it, at least `off_m` away.
+    `entrance` is the pose of a robot that enters by it. The spot is before it, farther than `off_m` from it, and clear
+    of `others`.
     """
     radius = arena.shape.radius
     ahead = math.atan2(goal.y - start.y, goal.x - start.x)
-    for times in FARTHER[: 1 if entrance is None else None]:
-        away = times * YIELD_RADII * radius
-        for degrees in YIELD_ANGLES_DEG:
+    for times in FARTHER:
+        away = times * STEP_RADII * radius
+        for degrees in CLEARING_ANGLES_DEG:
             turn = ahead + math.radians(degrees)
             spot = Point(start.x + away * math.cos(turn), start.y + away * math.sin(turn))
             free = all(distance(*spot, *other) > 2.0 * radius + PATH_MARGIN_M for other in others)
-            free = free and (entrance is None or _before(entrance, spot, off_m))
-            if free and segment_clearance(arena, start, spot) > radius:
+            if free and _before(entrance, spot, off_m) and segment_clearance(arena, start, spot) > radius:
                 return spot
     return None
 
 
-def yield_route(
+def clearing_route(
     arena: Arena,
     start: Point,
     goal: Point,
     parked: Sequence[Point],
     others: Sequence[Point],
-    entrance: Pose | None = None,
-    off_m: float = 0.0,
+    entrance: Pose,
+    off_m: float,
 ) -> Route | None:
-    """Return the route around those `parked` to the spot of `yield_spot`, which is clear of the `others`, too."""
-    spot = yield_spot(arena, start, goal, (*parked, *others), entrance, off_m)
+    """Return the route around those `parked` to the spot of `clearing_spot`, which is clear of the `others`, too."""
+    spot = clearing_spot(arena, start, goal, (*parked, *others), entrance, off_m)
     return None if spot is None else leader_route(arena, start, spot, parked, through_gate=False)
 
 
@@ -140,7 +139,7 @@ def _spots_around(start: Point, radius: float, first: float, tries: int) -> list
     ring = min(tries, len(FARTHER))
     spots = []
     for times in (*FARTHER[ring - 1 :: -1], *FARTHER[ring:]):
-        away = times * YIELD_RADII * radius
+        away = times * STEP_RADII * radius
         for turn in range(RETREAT_DIRECTIONS):
             angle = first + turn * math.tau / RETREAT_DIRECTIONS
             spots.append((Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle)), away))
