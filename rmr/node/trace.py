@@ -72,7 +72,7 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "slotted": TraceEvent(("rank", "start_s", "end_s"), "it has a slot"),
     "slot_lost": TraceEvent(("event", "missed"), "its slot is gone; whether it let it pass"),
     "entered": TraceEvent(
-        ("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"
+        ("event", "cautious"), "its turn has begun; cautious: it cannot know that no other robot is inside"
     ),
     "left": TraceEvent(("event",), "its turn is over"),
     "scheduled": TraceEvent(("leader", "term", "order"), "a new schedule of an event was heard or made"),
