@@ -69,7 +69,7 @@ class Planner:
         return sorted((job for job in movable if job.behind), key=lambda job: (job.retry, job.robot))
 
     def _urgent(self, movable: list[Booking], many: bool) -> list[Booking]:
-        """Return the jobs that go first: those that enough others have overtaken, then the nearest of those under way."""
+        """Return the jobs that go first: those overtaken by enough others, then those under way, nearest first."""
         due = [job for job in movable if job.is_due(self._timing.schedule)]
         due.sort(key=lambda job: (job.joined, job.robot))
         underway = [
