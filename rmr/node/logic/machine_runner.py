@@ -207,7 +207,7 @@ class MachineRunner:
         return None
 
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
-        """Replace sensed facts by the effects on their predicates: a robot without a body has no sense that would."""
+        """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
         env: list[Value] = [Robot(self._robot), *args]
         supposed: dict[int, tuple[list[Args], list[Args]]] = {}
         for effect in effects:

@@ -79,7 +79,7 @@ class Navigator:
         self._pose = Pose(0.0, 0.0, 0.0)
         self._control = SpeedControl(arena, robots, switches)
         self.hearing = self._control.hearing
-        """The reported states of the others."""
+        """What the others have said about themselves."""
 
     def go(
         self,

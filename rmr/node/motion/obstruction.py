@@ -40,7 +40,7 @@ def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Poin
 
 
 def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point]) -> str:
-    """Return the robots that stand on a polyline, as subject and verb; empty if there are none."""
+    """Return who stands on a polyline, subject and verb; empty if nobody does."""
     keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     near = [
         robot

@@ -59,7 +59,7 @@ class SpeedControl:
         around.silence = self.hearing.forbids(now, pose, bodies)
 
     def silenced(self) -> bool:
-        """Return whether a silence forbids a manoeuvre that is due."""
+        """Return whether somebody unheard forbids a manoeuvre that is due."""
         if self._around.silence:
             self._around.count_silence()
         return self._around.silence != 0
