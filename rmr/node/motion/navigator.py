@@ -50,8 +50,7 @@ class Navigator:
         self.arena = arena
         self.robot = robot
         self.status = "idle"
-        """``idle``, ``moving``, ``arrived`` or ``blocked`` (no route; planned again every `RETRY_S`, and at once when
-        parked robots change)."""
+        """``idle``, ``moving``, ``arrived`` or ``blocked`` (no route; planned again from time to time)."""
         self.replans = 0
         switches = RuleSwitches() if switches is None else switches
         if switches.without:
@@ -93,9 +92,8 @@ class Navigator:
         through_gate: bool = False,
     ) -> bool:
         """Plan a route to `goal` and begin. Returns False, with status blocked, if there is none yet."""
-        # A drive that is only redirected, as by a new rank, stays in the same deadlock, and its patience goes on.
         if self._order is None or self.status not in ("moving", "blocked"):
-            self._stand_off.reset()
+            self._stand_off.reset()  # else it is the same drive by another route, in the same deadlock
         self._clear()
         self._order = DriveOrder(goal, shared, through_gate)
         self._face = final_heading
@@ -116,7 +114,6 @@ class Navigator:
             return
         self._parked = parked
         self._next_try = 0
-        # A robot that stands takes the better route. On the way only an obstructed one is replaced: plans cost time.
         if self._follower is not None and not self._follower.arrived and (self.parked or self._obstructed()):
             self._replan_due = True
 
@@ -134,7 +131,6 @@ class Navigator:
         if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
             self._right_of_way = 1.0
             return
-        # A robot that makes no progress has no right of way, else two robots could wait for each other endlessly.
         first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
         self._right_of_way = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
 
@@ -169,9 +165,8 @@ class Navigator:
         self._pose = pose
         control = self._control
         control.perceive(now, pose, sigma, bodies)
-        # Driven by hand there is no route: only the rules for bodies apply.
         if self._driven is not None:
-            return control.by_hand(self._driven)
+            return control.by_hand(self._driven)  # no route: only the rules for bodies apply
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
@@ -179,23 +174,19 @@ class Navigator:
             return self._turn(pose)  # `face`: there is a heading, but no route
         follower.locate(pose)
         excursion = self._excursion
-        # A retreat waits at its end until its time is over; a yield is over when the robot is there.
         if excursion is not None and (now >= excursion.until or (follower.arrived and not excursion.stays)):
             self._come_back(now, pose)
             return STILL
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose) if excursion is None else STILL
-        # A robot that waits for its turn does not wish to drive, so the detector of deadlocks does not notice that it
-        # blocks an entrance: that is a symptom of its own.
+        # A waiting robot does not wish to drive, so the detector of deadlocks misses that it blocks an entrance.
         standing = self._standing.points.values()
         if self._gate.blocks(now, follower.route, follower.s, standing) and self._escape(
             now, pose, DeadlockCause.ENTRANCE
         ):
             return STILL
-        # A reverse manoeuvre is blind, so a silence forbids it; then the robot follows its route, at the speed that the
-        # silence allows.
-        if now < self._reverse_until and not control.silenced():
+        if now < self._reverse_until and not control.silenced():  # reversing is blind: a silence forbids it
             return control.reverse()
         return self._follow(now, pose, follower, bumped)
 
@@ -204,7 +195,6 @@ class Navigator:
         control = self._control
         cap = control.cap(follower, self._gate, self._queue, self._right_of_way, self._parked)
         wish = follower.steer(pose, cap)
-        # The robots before this one in the queue have not left although its slot has begun: overtake them, once.
         if self._queue.late and not self._queue.overtakes:
             self._escape(now, pose, DeadlockCause.QUEUE)
         allowed = control.slowed(wish)
@@ -224,9 +214,8 @@ class Navigator:
         follower = self._follower
         if follower is None:
             return now >= self._next_try and self._replan(now, pose)
-        # An excursion ends with a new plan anyway (`_come_back`).
         if not self._replan_due or self._excursion is not None:
-            return True
+            return True  # an excursion ends with a new plan anyway
         # A robot that will stand for long replans later: others will have moved by then, and a plan takes milliseconds.
         if not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
@@ -309,7 +298,6 @@ class Navigator:
         self._next_try = now + seconds(RETRY_S)
         start = Point(pose.x, pose.y)
         around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
-        # Beyond the gate the route must not lead back through it.
         order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed)
         # The robot waits for robots that go first in the queue, and does not drive around them, unless it overtakes.
         route = replanned(self.arena, start, order, self._parked, around, self._queue.overtakes, at_goal=keep)
