@@ -361,7 +361,7 @@ class HostedRobot:
             elif entry.get("what") == "deadline_missed":
                 self._say_failure(f"deadline missed: {entry['job']}")
             elif entry.get("what") == "restless":
-                self._say_failure("the program never becomes quiet: some rule is satisfied for ever")
+                self._say_failure("the program does not become quiescent: some rule is always satisfied")
             elif entry.get("what") == "repeats":
                 self._say_failure(f"a goal stays open: {entry['rule']} fires again and again for the same facts")
             elif entry.get("what") == "other_program":

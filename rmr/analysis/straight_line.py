@@ -191,7 +191,7 @@ def _base(name: str, bases: list[Base]) -> Base:
     if name in _TYPES:
         taken, given = _TYPES[name]
         if any(base not in taken for base in bases):
-            raise Unsuitable(f"`{name}` of what is none of {' and '.join(each.name.lower() for each in taken)}")
+            raise Unsuitable(f"`{name}` of a type other than {' and '.join(each.name.lower() for each in taken)}")
         return given or (Base.FLOAT if Base.FLOAT in bases else Base.INT)
     if name in (AND, OR, IF):
         first = bases[-2]

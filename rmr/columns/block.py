@@ -19,7 +19,7 @@ from rmr.columns.numbers import Array, write
 
 
 class GoalWatch(Protocol):
-    """What a block tells of its new facts: `rmr.columns.column_goals`."""
+    """The receiver of a block's new facts: `rmr.columns.column_goals`."""
 
     def inserted(self, block: "Block", predicate: int, rows: Array) -> None:
         """Handle new facts of `predicate` in `rows`."""
@@ -38,7 +38,7 @@ class Follows:
 
 
 class Block:
-    """Some robots, a row each."""
+    """The state of some robots, one row each."""
 
     def __init__(self, program: Program, layout: ColumnLayout, follows: Follows, robots: Array, streams: Array) -> None:
         size = len(robots)
@@ -53,7 +53,7 @@ class Block:
         self.failed: dict[int, Array] = {}
         """By place; missing until it has failed somewhere."""
         self.failures: Array | None = None
-        """How often an expression had no value; None: never."""
+        """Number of failures of expressions (no value); None: 0."""
         self.open = [np.zeros(size, np.bool_) for _ in program.goals]
         self.achieved_at = [np.zeros(size, np.uint32) for _ in program.goals]
         """The tick."""
@@ -62,7 +62,7 @@ class Block:
         self.live: list[int] = []
         """Goals that are open in some row."""
         self.busy = np.ones(size, np.bool_)
-        """Which robots may have a rule satisfied."""
+        """Robots that may have a satisfied rule."""
         self.last: Array | None = None
         """The rules with which robots used up the budget of their first run, -1 for none; None: no robot has."""
         self.tick = 0

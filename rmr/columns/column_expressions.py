@@ -1,4 +1,4 @@
-"""The value of an expression in all rows of a block: its operations one after the other, each on whole columns."""
+"""Vectorised expressions: their operations one after another, each on whole columns of a block."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from rmr.columns.numbers import WORK, Array, MaskedColumn, also
 
 
 class _Step(NamedTuple):
-    """An operation, ready."""
+    """An operation, bound to its function and its operands."""
 
     name: str
     args: tuple[int, ...]

@@ -159,7 +159,7 @@ def _declare_storm(parser: Parser) -> None:
         "--geometry",
         ["circle", "disk"],
         default="circle",
-        help="circle: all 10 m from whoever asks. disk: anywhere within 20 m.",
+        help="circle: all at 10 m from the sender of the question. disk: anywhere within 20 m of it.",
     )
     _declare_payload(parser)
     _declare_runs(parser, 100)
@@ -250,9 +250,9 @@ They stand as far from B as the radio reaches well: 15 m with the radio of the d
         ),
     ),
     "storm": (
-        "A broadcast that all who hear it answer.",
+        "A broadcast that all receivers answer.",
         Command(
-            "How many answers to one broadcast arrive when all who hear it answer. One run is one storm.",
+            "How many answers to one broadcast arrive when all receivers answer. One run is one storm.",
             _declare_storm,
             _storm,
         ),
@@ -267,7 +267,7 @@ They stand as far from B as the radio reaches well: 15 m with the radio of the d
     ),
     "latency": (
         "One sender alone.",
-        Command("How long a frame takes over 10 m on a channel that nobody else uses.", _declare_latency, _latency),
+        Command("How long a frame takes over 10 m on an idle channel.", _declare_latency, _latency),
     ),
     "link": (
         "One frame over a distance.",

@@ -41,7 +41,7 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
     if c.asks >= c.timing.election.asks:
         return True
     if c.asked is None:
-        c.asked = stamp(now)  # as others read it, or two who ask within one millisecond both yield
+        c.asked = stamp(now)  # in the frame's resolution, else two that ask within one millisecond both defer
     c.asks += 1
     c.send(c.job_frame(now, Term(c.counter, NOBODY)), now)
     c.set(Timer.ASK, now + c.timing.election.ask_gap + c.uniform(0, c.timing.election.ask_jitter))
@@ -67,7 +67,10 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
 
 
 def _defer_to(c: Context, now: Instant, candidate: int, job: Job) -> None:
-    """Ask again only if `asker` has not led by then, and tell it the own job, once: it waits for no more than that."""
+    """Defer to `candidate`: ask again only if it does not lead by then, and send it the own job once.
+
+    With the jobs of all others it leads at once.
+    """
     c.asks = 0
     c.set(Timer.ASK, now + c.timing.election.backoff + c.spread(c.peers(), c.timing.election.backoff_jitter))
     first = c.candidates.get(c.candidate)
@@ -77,13 +80,13 @@ def _defer_to(c: Context, now: Instant, candidate: int, job: Job) -> None:
 
 
 def relay_soon(c: Context, now: Instant) -> None:
-    """Relay the schedule held, unless another does so first: all who follow it have heard what calls for it."""
+    """Relay the schedule held after a random delay: all followers have the same reason to, and one answer suffices."""
     followers = c.peers() if c.held.opening else len(c.held.entries())
     c.sooner(Timer.RELAY, now + c.spread(followers))
 
 
 def on_relay_timer(c: Context, now: Instant) -> None:
-    """Send the schedule held on, unless it has become old."""
+    """Relay the schedule held, unless its lease is over."""
     c.set(Timer.RELAY, NEVER)
     if c.fresh(now):
         relay(c, now)
@@ -130,7 +133,7 @@ def _follow(c: Context, term: Term) -> None:
 
 
 def _remind(c: Context, now: Instant, sched: Sched) -> None:
-    """A job that is over is still listed: say so again."""
+    """Repeat OUT for a finished job that is still listed."""
     for entry in sched.entries:
         if entry.robot != c.robot or entry.phase is Phase.OUT:  # one that is presumed over is confirmed
             continue
@@ -143,7 +146,7 @@ def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
     """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder.
 
     The job is sent to a new leader at once, even if the robot knows only one part of its schedule and may be listed in
-        another.
+    another.
     """
     job = c.job
     if job is None or c.passage is Passage.INSIDE:

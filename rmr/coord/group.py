@@ -81,20 +81,22 @@ class Group:
         material = material or deadline != request.deadline or underway is not request.underway
         job.request = replace(request, release=release, duration=duration, deadline=deadline, underway=underway)
         frozen = job.slot is not None and job.slot[0] <= now + c.timing.schedule.frozen
+        # A frozen slot cannot move any more. A JOB that is due anyway has the new estimate.
         if not material or frozen or (c.untold and not follower.listed(c)):
-            return  # or the JOB that is due anyway says it
+            return
         self._begin_input(now)
         self._tell(now)
         c.awake = now
 
     def ready(self, now: Instant, ready: bool) -> bool:
-        """Entering is allowed, or no more. Return whether that is new."""
+        """Set whether the robot can enter; return whether that is new."""
         c = self.context
         if c.job is None or c.job.ready is ready:
             return False
         c.job.ready = ready
         if c.passage is Passage.CLAIMING and ready:
-            c.sooner(Timer.POLL, now)
+            c.sooner(Timer.POLL, now)  # the entry window may be open
+        # The leader schedules an absent job behind all others; it must hear that the robot is ready now.
         if ready and c.job.absent:
             c.job.absent = 0
             if c.passage is Passage.WAITING:
@@ -127,6 +129,7 @@ class Group:
         passage.end(c, now, phase)
         if c.ledger is not None:
             c.ledger.finish(c.robot, trigger, phase is Phase.OUT)
+            # A leader that withdraws hands the group to a waiting robot. After its passage it leads while others wait.
             if phase is Phase.GONE and leader.others_wait(c):
                 leader.resign(c, now)
                 c.become(Role.NONE)
@@ -172,7 +175,10 @@ class Group:
         c.awake = now
 
     def overhear(self, now: Instant, beacon: Beacon) -> bool:
-        """Take in a beacon by which a robot that neither leads nor passes has nothing to do; else return False."""
+        """Note a beacon that needs no reaction, and return True; else return False.
+
+        A reaction is due if the robot leads or passes, if it may have to be a witness, or is about to be one.
+        """
         c = self.context
         passes = c.passage in (Passage.CLAIMING, Passage.INSIDE)
         if beacon.phase is Phase.CLAIM or passes or c.role is Role.LEADING or c.witnessed == beacon.who:
@@ -186,7 +192,7 @@ class Group:
         c.hear_of(beacon.term.counter)
         if beacon.who == c.robot:
             return
-        if c.witnessed == beacon.who:
+        if c.witnessed == beacon.who:  # heard again, from itself or another witness: no repeat is needed
             c.witnessed = None
             c.set(Timer.WITNESS, NEVER)
         if not c.fence.note(beacon):
@@ -194,7 +200,8 @@ class Group:
         if c.role is Role.LEADING:
             leader.on_beacon(c, now, beacon)
         if c.passage is Passage.CLAIMING:
-            c.sooner(Timer.POLL, now)
+            c.sooner(Timer.POLL, now)  # the beacon may open the fence, or be a claim that goes first
+        # Witness: the claimant may not have heard a silent robot inside, whose last beacon is repeated after a delay.
         if beacon.phase is Phase.CLAIM and c.witnessed is None:
             silent = c.fence.unheard(now, beacon)
             if silent is not None:
@@ -208,26 +215,29 @@ class Group:
         question = job.term.leader == NOBODY
         c.hear_of(job.term.counter)
         if source == c.robot or now - job.time >= c.timing.liveness.drop:
-            return
+            return  # its own echo, or too old to say anything of its sender
         if c.role is Role.LEADING:
             leader.on_job(c, now, source, job, question)
         elif question:
             if follower.on_question(c, now, source, job):
                 leader.begin(c, now)
         elif c.role is Role.FOLLOWING and c.fresh(now):
-            follower.relay_soon(c, now)
+            follower.relay_soon(c, now)  # a JOB sent to a robot that does not lead: the schedule shows who does
 
     def _on_sched(self, now: Instant, sched: Sched, source: int) -> None:
         c = self.context
         timing = self.context.timing
         term = sched.term
         c.hear_of(term.counter)
+        # Its lease is over: it entitles no robot, and its leader may have been replaced.
         if sched.issued + timing.schedule.lease + 2 * timing.clock_error <= now:
             return
+        # A leader is avoided because it does not acknowledge. A relay shows nothing of the link; its own frame does.
         if c.banned(term.leader, now):
             if source != term.leader:
                 return
             del c.bans[term.leader]
+        # As new as the schedule held, and no worse: it answers the question that this robot was about to answer.
         if sched.issued >= c.held.issued and not c.held.term.better(term):
             c.set(Timer.RELAY, NEVER)
         if term.leader == c.robot:
@@ -235,6 +245,7 @@ class Group:
         elif c.role is Role.LEADING and not sched.resign:
             self._on_rival(now, sched)
         elif c.fresh(now) and c.held.term.better(term) and not c.held.resigned:
+            # A worse leader: relaying the better schedule lets it step down. Once per repetition is enough.
             if c.role is Role.FOLLOWING and now - c.relayed >= timing.schedule.repetition:
                 follower.relay_soon(c, now)
         elif self._is_news(sched):
@@ -242,6 +253,7 @@ class Group:
             self._after_accept(now, sched)
 
     def _is_news(self, sched: Sched) -> bool:
+        """Return whether `sched` is to be accepted: another term, a newer part, or the same part with a resignation."""
         held = self.context.held
         if self.context.role is Role.LEADING:
             return False
@@ -256,6 +268,7 @@ class Group:
         if c.role is Role.LEADING or not newer(sched.term.counter, c.led.counter):
             return
         c.led = sched.term
+        # Others may enter under its leases of that term, of which it knows nothing. So it asks when they are over.
         if c.job is not None:
             first = sched.issued + c.timing.schedule.lease
             follower.begin_election(c, now, max(first, now))
@@ -264,7 +277,7 @@ class Group:
         """Two lead: the worse steps down."""
         c = self.context
         if not sched.term.better(c.led):
-            leader.answer_worse(c, now)
+            leader.answer_worse(c, now)  # its schedule lets the other one step down
             return
         leader.end(c)
         if c.job is None:
@@ -273,6 +286,7 @@ class Group:
 
     def _after_accept(self, now: Instant, sched: Sched) -> None:
         c = self.context
+        # An heir continues the slots, so it must hold all parts of the list.
         if sched.resign and sched.heir == c.robot and c.job is not None and c.held.complete():
             leader.begin(c, now, heir=True)
 
@@ -280,6 +294,7 @@ class Group:
         c = self.context
         if part.term != c.held.term or c.role is Role.LEADING or c.paths_known.get(part.direction, -1) >= part.time:
             return
+        # Parts of different versions do not fit together: a newer version replaces the parts so far.
         time, pieces = c.path_parts.get(part.direction, (part.time, {}))
         if time != part.time:
             if part.time < time:
@@ -314,10 +329,12 @@ class Group:
 
     def _begin_input(self, now: Instant) -> None:
         c = self.context
+        # After a stall the robot may have missed claims of others: its assurance is void, and its claim starts anew.
         if c.job is not None and now - c.awake > c.timing.claim.stall:
             c.job.assured = -NEVER
             if c.passage is Passage.CLAIMING:
                 c.job.since = now
+        # All its leases are over, and others may have replaced it.
         if c.role is Role.LEADING and now - c.last_issued > c.timing.schedule.lease:
             leader.end(c)
             if c.job is None:

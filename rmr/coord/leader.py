@@ -210,9 +210,9 @@ def on_issue_timer(c: Context, now: Instant) -> None:
 
 
 def issue(c: Context, now: Instant) -> None:
-    """Send the schedule and hold it oneself.
+    """Send the schedule, and hold it as members do.
 
-    No two versions may bear one instant of issue, or members would take either for the newest.
+    No two versions may have one instant of issue, else members would take either for the newest.
     """
     if stamp(now) == stamp(c.last_issued) or now < c.last_issued:
         c.set(Timer.ISSUE, c.last_issued + MS)
@@ -222,6 +222,7 @@ def issue(c: Context, now: Instant) -> None:
         c.held.take(part)
     c.last_issued = now
     gap = c.timing.schedule.repetition
+    # A changed schedule is repeated sooner: a lost frame then costs less than a whole repetition.
     if c.extras > 0:
         c.extras -= 1
         gap = c.timing.schedule.extra_gap
@@ -231,7 +232,7 @@ def issue(c: Context, now: Instant) -> None:
 
 
 def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
-    """Return those of `parts` that are to be sent now."""
+    """Return those of `parts` that are sent now: what changes soon for a robot at once, the others in turn."""
     if len(parts) <= _WHOLE_PARTS:
         return parts
     held = c.held
@@ -249,7 +250,7 @@ def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
 
 
 def _concerns(entry: Entry, told: Entry | None, soon: Instant) -> bool:
-    """Return whether the owner of a job waits for `entry`, has or had a slot by `soon`; `told`: what it was before."""
+    """Return whether `entry` is new to its owner, or has or had a slot by `soon`; `told` is the entry sent before."""
     if entry.robot == NOBODY:
         return False
     if told is None or _known(told) != _known(entry):
@@ -288,20 +289,22 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
 
 
 def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
-    """A beacon was news: mind it in the plan."""
+    """Update the books by a beacon, and plan again if it frees or takes a place."""
     ledger = c.ledger
     assert ledger is not None
     booking = ledger.bookings.get(beacon.who)
     if beacon.phase in (Phase.OUT, Phase.GONE):
         if ledger.finish(beacon.who, beacon.trigger, beacon.phase is Phase.OUT):
+            # After a passage the order stays as planned. A job that ends without one leaves a gap that others may use.
             replan(c, now, reorder=beacon.phase is Phase.GONE)
         elif ledger.confirm_over(beacon.who, beacon.trigger):
             c.sooner(Timer.PLAN, now)
     elif beacon.phase is Phase.YIELD:
         if ledger.missed(beacon.who, beacon.start):
+            # Its JOB with the new estimate follows; the plan waits for it.
             c.sooner(Timer.PLAN, now + c.timing.schedule.replan_wait)
     elif booking is None or booking.trigger != beacon.trigger:
-        c.sooner(Timer.PLAN, now)
+        c.sooner(Timer.PLAN, now)  # a robot that is not in the books claims or is inside
     else:
         booking.heard = max(booking.heard, beacon.time)
         if beacon.phase is Phase.IN and not booking.inside:
@@ -309,7 +312,7 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
 
 
 def answer_worse(c: Context, now: Instant) -> None:
-    """A worse leader was heard: let it hear this one, not too often."""
+    """Answer a worse leader with the own schedule, by which it steps down; at a bounded rate."""
     if now - c.answered >= c.timing.schedule.answer_gap:
         c.answered = now
         issue(c, now)

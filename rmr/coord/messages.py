@@ -341,7 +341,7 @@ def _decode_beacon(payload: bytes) -> Beacon:
     who, trigger, octet, start, length = _BEACON.unpack_from(payload, _HEADER.size)
     direction, phase = _split(octet, _BEACON_PHASES)
     if who == NOBODY:
-        raise MessageError("a BEACON of nobody")
+        raise MessageError("a BEACON without a robot")
     start_at = start * MS
     return Beacon(
         group_id,

@@ -1,8 +1,8 @@
-"""The passage of this robot's own job: claim, enter, say that one is inside, leave (phases).
+"""The passage of this robot's own job: claim, entry, beacons inside, exit (phases).
 
 A slot alone does not permit entry. The robot claims for at least W before entering, awake all the time, under a
 schedule whose lease has not run out, and enters in the window after the slot's start when the fence is open
-and its motion is ready. Otherwise the window passes, and it asks for another slot.
+and its motion is ready. Otherwise the window passes, and it requests another slot.
 """
 
 from rmr.base.time import NEVER, Instant
@@ -25,7 +25,7 @@ def begin(c: Context, request: JobRequest) -> None:
 
 
 def renew(c: Context, now: Instant) -> None:
-    """Go on with the own job under a new identity: others take it for over, silent as it was, and that is final."""
+    """Continue the own job under a new identity: others have its present one as over, which is final."""
     job = c.job
     assert job is not None
     if c.passage is not Passage.INSIDE:
@@ -52,10 +52,12 @@ def on_schedule(c: Context, now: Instant) -> None:
         return
     found = c.held.find(c.robot, job.trigger)
     if found is None:
+        # Only a complete schedule shows that the job is not listed: the missing part may have it.
         if c.held.complete():
             _lose(c, now)
         return
     part, rank, entry = found
+    # A slot that this robot has reported as missed is void, although the leader may not have heard so yet.
     if entry.start is None or entry.phase in OVER or (job.missed is not None and entry.start <= job.missed):
         _lose(c, now)
         return
@@ -68,6 +70,7 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     assert entry.start is not None
     place = c.held.place(rank, entry.direction)
     slot = (entry.start, entry.start + entry.duration, rank)
+    # The slot was moved: others must not wait for a claim of the old one.
     if c.passage is Passage.CLAIMING and entry.start != job.claimed:
         _withdraw_claim(c, now)
     job.slot = slot
@@ -101,7 +104,7 @@ def _withdraw_claim(c: Context, now: Instant) -> None:
 
 
 def on_poll(c: Context, now: Instant) -> bool:
-    """Claim, enter or let the window pass; return whether the slot was missed."""
+    """Claim, enter, or miss the slot; return whether it was missed."""
     job = c.job
     if job is None or job.slot is None or c.passage is Passage.INSIDE:
         c.set(Timer.POLL, NEVER)
@@ -117,8 +120,10 @@ def _consider_claim(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     start, _, _ = job.slot
+    # Too late to have claimed for long enough within the window.
     if now + c.quiet(now) > start + timing.schedule.window:
         return miss(c, now)
+    # Without a lease the slot may have been moved: wait for the next schedule.
     if now >= job.lease:
         c.set(Timer.POLL, now + timing.claim.poll)
         return False
@@ -141,7 +146,7 @@ def _consider_entry(c: Context, now: Instant) -> bool:
         return miss(c, now)
     verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.direction))
     if verdict.lost:
-        return miss(c, now)
+        return miss(c, now)  # a conflicting claim goes first: yield to it
     may_enter = start <= now < job.lease and job.ready and now >= claimed and verdict.open
     if may_enter and not _waits_for_listed(c, now, start):
         enter(c, now, cautious=verdict.cautious or _somebody_presumed_gone(c))
@@ -151,10 +156,10 @@ def _consider_entry(c: Context, now: Instant) -> bool:
 
 
 def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
-    """Return whether the schedule has one that goes first, whatever has been heard of it.
+    """Return whether the schedule lists a robot that goes first, even if no beacon of it was heard.
 
-    That is an opposed job of earlier start that has not said OUT, or a robot that has been inside for less than the
-    headway.
+    That is an opposed job of earlier start without OUT, or a robot of the same direction that has been inside for less
+    than the headway.
     """
     job = c.job
     assert job is not None
@@ -187,7 +192,7 @@ def _somebody_presumed_gone(c: Context) -> bool:
 
 
 def enter(c: Context, now: Instant, *, cautious: bool) -> None:
-    """Be inside, and say so."""
+    """Enter, and announce it."""
     job = c.job
     assert job is not None
     c.proceed(Passage.INSIDE)
@@ -205,6 +210,7 @@ def miss(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     job.missed = job.slot[0]
+    # Absent: the robot was not ready. One on its way to a bottleneck reports a later release itself (`postpones`).
     if not job.ready and not job.request.postpones:
         job.absent = min(job.absent + 1, ABSENT_MAX)
     if c.passage is Passage.CLAIMING:
@@ -216,7 +222,7 @@ def miss(c: Context, now: Instant) -> bool:
 
 
 def on_beacon(c: Context, now: Instant) -> None:
-    """Say CLAIM or IN, and again after H."""
+    """Send CLAIM or IN, and again after H."""
     if c.passage is Passage.CLAIMING:
         _say(c, now, Phase.CLAIM)
     elif c.passage is Passage.INSIDE:

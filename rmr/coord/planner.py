@@ -23,7 +23,7 @@ class Planner:
     """The plan of one leader at one instant."""
 
     def __init__(self, robot: int, timing: Timing, now: Instant, *, reorder: bool, eager: bool) -> None:
-        """`reorder`: make the order anew; `eager`: the job of the leader itself, `robot`, may start at once."""
+        """`reorder`: compute a new order; `eager`: the job of the leader itself, `robot`, may start at once."""
         self._robot = robot
         self._timing = timing
         self._now = now
@@ -35,7 +35,7 @@ class Planner:
         self._rules = Rules(now if eager else now + schedule.lead, opposed, timing.order)
 
     def place(self, standing: Iterable[Booking], movable: list[Booking]) -> None:
-        """Give slots to the `movable` jobs, behind the slots of those `standing`."""
+        """Assign slots to the `movable` jobs, behind the slots of those `standing`."""
         fixed = [
             Placed(job.start, max(job.until - job.start, 0), job.headway, job.direction)
             for job in standing
@@ -69,7 +69,7 @@ class Planner:
         return sorted((job for job in movable if job.behind), key=lambda job: (job.retry, job.robot))
 
     def _urgent(self, movable: list[Booking], many: bool) -> list[Booking]:
-        """Return the first two tiers, in their order."""
+        """Return the jobs that go first: those overtaken by enough others, then those under way, nearest first."""
         due = [job for job in movable if job.is_due(self._timing.schedule)]
         due.sort(key=lambda job: (job.joined, job.robot))
         underway = [
@@ -83,10 +83,11 @@ class Planner:
         return job.approach if job.underway else (job.start or self._now) - self._now
 
     def _ordered(self, jobs: list[Booking], fixed: list[Placed]) -> list[Task]:
-        """Return `jobs` in the order in which they go behind those `fixed`."""
+        """Return the order of `jobs` behind those `fixed`."""
         tasks = {job.robot: self._task(job) for job in jobs}
         slotted = [(job.start, job.robot) for job in jobs if job.start is not None]
         old = [robot for _, robot in sorted(slotted)]
+        # No job has come, gone or changed: the slots are only shifted.
         if not self._reorder and len(old) == len(jobs):
             return [tasks[robot] for robot in old]
         order = order_jobs(list(tasks.values()), fixed, self._rules, old)
@@ -105,14 +106,14 @@ class Planner:
         return moved if on_time(moved, place(moved, fixed, self._rules)) >= met else order
 
     def _task(self, job: Booking) -> Task:
-        """Return `job` as the order sees it: only the leader's own one may start before it could be claimed."""
+        """Return the task of `job`: only the leader's own one may start before it could be claimed."""
         task = task_of(job, self._now, self._timing.schedule.grace)
         if not self._eager or job.robot == self._robot:
             return task
         return task._replace(release=max(task.release, self._now + self._timing.schedule.lead))
 
     def _give(self, jobs: list[Booking], tasks: list[Task], fixed: list[Placed]) -> list[Placed]:
-        """Give slots behind those `fixed` to `jobs`, which `tasks` describe in the same order; return the slots."""
+        """Assign slots behind those `fixed` to `jobs`, whose `tasks` are in the same order; return the slots."""
         starts = place(tasks, fixed, self._rules)
         for job, start in zip(jobs, starts, strict=True):
             job.start = start

@@ -47,7 +47,7 @@ ROLES: Final[tuple[Step, ...]] = (
     Step(Role.FOLLOWING, Role.LEADING, "the leader resigned and named this robot heir"),
     Step(Role.FOLLOWING, Role.NONE, "the job is over"),
     Step(Role.LEADING, Role.FOLLOWING, "a better leader, and a job"),
-    Step(Role.LEADING, Role.NONE, "a better leader, resigned, or nobody waits; no job"),
+    Step(Role.LEADING, Role.NONE, "a better leader, resigned, or no robot waits; no job"),
     Step(Role.LEADING, Role.CANDIDATE, "nothing issued for a lease, and a job"),
 )
 

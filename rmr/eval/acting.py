@@ -17,18 +17,18 @@ from rmr.node.actions.handle import wait
 from rmr.vm.match import pattern_agrees
 
 WAIT = "wait"
-"""The provided action whose argument says how long it takes."""
+"""The provided action whose argument is its duration."""
 
 
 @dataclass(slots=True)
 class FailingCount:
-    """A `--fail` and how many actions it has met."""
+    """A `--fail`, and the number of actions that have matched it."""
 
     wanted: Failing
     met: int = 0
 
     def fails(self, action: str, robot: int, args: tuple[Value, ...]) -> bool:
-        """Return whether an action that begins is to fail."""
+        """Return whether an action that begins will fail."""
         wanted = self.wanted
         if action != wanted.action or not pattern_agrees(wanted.patterns, (Robot(robot), *args)):
             return False

@@ -29,7 +29,7 @@ from rmr.lang.read.source_text import SourceText
 from rmr.vm.engines import Engine
 
 Seconds = float | str
-"""A time: a number of seconds, or a duration as in programs, ``500ms``."""
+"""A time: a number of seconds, or a duration as in programs (``500ms``)."""
 
 COLUMNAR = "columnar"
 
@@ -52,11 +52,11 @@ class Evaluation:
     """A program has been run on robots without bodies."""
 
     report: dict[str, Any]
-    """What `rmr eval` prints."""
+    """The report that `rmr eval` prints."""
     trace: list[dict[str, Any]] = field(repr=False)
-    """What `rmr eval --trace` writes; empty unless it was asked for."""
+    """The entries that `rmr eval --trace` writes; empty unless requested."""
     messages: list[str]
-    """Warnings, and what still went on at the end: what `rmr eval` says beside the report."""
+    """Warnings, and the work outstanding at the end: what `rmr eval` prints besides the report."""
 
     @property
     def quiescent(self) -> bool:
@@ -152,7 +152,7 @@ def evaluate(
 def _prepared(
     engine: str, program: Program, given: Given, conditions: Conditions, sink: Sink | None
 ) -> tuple[EvaluatedRun, list[str]]:
-    """Return the run, and why it is not one of columns where that was asked for."""
+    """Return the run, and why it is not columnar if that was requested."""
     engines = [each.value for each in Engine]
     if engine not in (*engines, COLUMNAR):
         raise UsageError(f"engine: {engine!r} is none of {', '.join([*engines, COLUMNAR])}")

@@ -1,7 +1,7 @@
-"""The run of a program's robots as columns: in virtual time the same as that of nodes, and the same report.
+"""The columnar run of a program's robots, with the virtual time and the report of a run of nodes.
 
-Robots that send nothing, act on nothing and sense nothing only fire. They are called at the beginning, and from then
-on in every frame in which they have rules left over from the budget of the frame before; so are columns.
+Robots without messages, actions and senses only fire rules. A node of such a robot is called at the beginning, and then
+in every frame in which rules are left over from the budget of the frame before. So are columns.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ from rmr.vm.machine import FIRING_BUDGET
 
 
 def hindrance(program: Program, given: Given, conditions: Conditions, *, traced: bool) -> Obstacle | None:
-    """Return why this is not a run for columns, the first reason; None if it is one."""
+    """Return the first reason why the run cannot be columnar; None if it can."""
     found = obstacles(program, given.facts)
     found += [Obstacle("--edges gives a robot several facts")] if given.edges is not None else []
     found += [Obstacle("--insert brings facts from outside")] if given.insertions else []
@@ -81,7 +81,7 @@ class ColumnRun:
         self._stopping = True
 
     def _frame(self, now: Instant) -> None:
-        """Let each robot fire as much as it may in one call."""
+        """Let each robot fire up to its budget."""
         self.now = now
         columns = self._columns
         before = (self.firings, self._failed)

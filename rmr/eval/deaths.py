@@ -1,4 +1,4 @@
-"""Robots that are killed and started again during an evaluation: `--kill` and `--restart`."""
+"""Deaths and restarts of robots during an evaluation: `--kill` and `--restart`."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Death:
 
 
 def deaths(kills: Sequence[str], restarts: Sequence[str], robots: Collection[int]) -> tuple[Death, ...]:
-    """Return what the two options ask for, in order of time. Raises OptionError.
+    """Return the deaths and restarts of the two options, in order of time. Raises OptionError.
 
     At one instant robots are killed before others are started again, in the order of the options.
     """

@@ -41,10 +41,13 @@ class TraceEvent(NamedTuple):
 EVENTS: Final[dict[str, TraceEvent]] = {
     "fired": TraceEvent(("rule",), "a rule was applied: its place in the source, or its number in the byte-code"),
     "expression_failed": TraceEvent(("where", "reason"), "an expression has no value; what needed it was left out"),
-    "bound_reached": TraceEvent(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),
-    "restless": TraceEvent(("firings",), "the program has had satisfied rules for 60 calls in a row; told once"),
+    "bound_reached": TraceEvent(
+        ("kept", "bound"), "more came than the robot keeps; the rest is dropped; reported once"
+    ),
+    "restless": TraceEvent(("firings",), "the program has had satisfied rules for 60 calls in a row; reported once"),
     "repeats": TraceEvent(
-        ("rule", "firings"), "a rule has fired so often for the same facts while no goal was achieved; told once a rule"
+        ("rule", "firings"),
+        "a rule has fired so often for the same facts while no goal was achieved; reported once per rule",
     ),
     "inserted": TraceEvent(("fact",), "a fact of the robot now holds; only where facts are traced"),
     "removed": TraceEvent(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
@@ -72,7 +75,7 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "slotted": TraceEvent(("rank", "start_s", "end_s"), "it has a slot"),
     "slot_lost": TraceEvent(("event", "missed"), "its slot is gone; whether it let it pass"),
     "entered": TraceEvent(
-        ("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"
+        ("event", "cautious"), "its turn has begun; cautious: it cannot know that no other robot is inside"
     ),
     "left": TraceEvent(("event",), "its turn is over"),
     "scheduled": TraceEvent(("leader", "term", "order"), "a new schedule of an event was heard or made"),

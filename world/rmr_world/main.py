@@ -50,7 +50,7 @@ def _declare(parser: "Parser") -> None:
         "--secret",
         read=Path,
         metavar="FILE",
-        help="let in only those who know the secret in FILE, which is made if it does not exist (default: everybody)",
+        help="admit only processes that know the secret in FILE, which is made if it does not exist (default: all)",
     )
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the world; a file that is there stays")

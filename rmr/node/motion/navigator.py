@@ -32,7 +32,7 @@ from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
-"""Time between two tries to find a route when blocked."""
+"""Retry interval of planning while there is no route."""
 
 
 class Navigator:
@@ -49,7 +49,7 @@ class Navigator:
         self.arena = arena
         self.robot = robot
         self.status = "idle"
-        """``idle``, ``moving``, ``arrived`` or ``blocked`` (no way; tried again when parked robots change)."""
+        """``idle``, ``moving``, ``arrived`` or ``blocked`` (no route; planned again from time to time)."""
         self.replans = 0
         switches = RuleSwitches() if switches is None else switches
         if switches.without:
@@ -71,7 +71,7 @@ class Navigator:
         self._stand_off = DeadlockDetector(robot)
         self.policy = EscapePolicy(switches)
         self._driving: Sequence[Heard] = ()
-        """What others that drive said last."""
+        """The newest hellos of driving robots."""
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
         self.control = SpeedControl(arena, robots, switches)
@@ -163,12 +163,12 @@ class Navigator:
         control = self.control
         control.perceive(now, pose, bodies)
         if self._driven is not None:
-            return control.by_hand(self._driven)
+            return control.by_hand(self._driven)  # no route: only the rules for bodies apply
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
         if follower is None:
-            return self._turn(pose)
+            return self._turn(pose)  # `face`: there is a heading, but no route
         follower.locate(pose)
         excursion = self._excursion
         if excursion is not None and (now >= excursion.until or (follower.arrived and not excursion.stays)):
@@ -177,12 +177,13 @@ class Navigator:
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose) if excursion is None else STILL
+        # A waiting robot does not wish to drive, so the detector of deadlocks misses that it blocks an entrance.
         standing = self._standing.points.values()
         if self._gate.blocks(now, follower.route, follower.s, standing) and self._escape(
             now, pose, DeadlockCause.ENTRANCE
         ):
             return STILL
-        if now < self._reverse_until and not control.silenced():
+        if now < self._reverse_until and not control.silenced():  # reversing is blind: a silence forbids it
             return control.reverse()
         return self._follow(now, pose, follower, bumped)
 
@@ -202,14 +203,14 @@ class Navigator:
         return allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
-        """Return whether there is something to follow or to face, planning when that is due."""
+        """Return whether there is a route to follow or a heading to face; plan if that is due."""
         if self._order is None:
             return True
         follower = self._follower
         if follower is None:
             return now >= self._next_try and self._replan(now, pose)
         if not self._replan_due or self._excursion is not None:
-            return True
+            return True  # an excursion ends with a new plan anyway
         # A robot that will stand for long replans later: others will have moved by then, and a plan takes milliseconds.
         if not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
@@ -225,7 +226,7 @@ class Navigator:
         return Twist(0.0, turn_towards(error, self.arena.shape))
 
     def _escape(self, now: Instant, pose: Pose, symptom: DeadlockCause) -> bool:
-        """Have the first escape that serves carried out; return whether there is one."""
+        """Begin the first escape that applies; return whether there is one."""
         assert self._order is not None
         stand_off = self._stand_off
         arena = self.arena
@@ -233,6 +234,7 @@ class Navigator:
         endures = False
         if symptom is DeadlockCause.DEADLOCK:
             stand_off.mark(now, pose, others, arena.shape.radius)
+        # A deadlock that endures, or an excursion without a way back, is a jam: then the robot retreats or backs out.
         if symptom in (DeadlockCause.DEADLOCK, DeadlockCause.NO_WAY_BACK):
             walks = symptom is DeadlockCause.DEADLOCK and self._excursion is not None
             endures = stand_off.endures(now, pose, walks=walks)
@@ -283,7 +285,7 @@ class Navigator:
         return follower.route.meets(follower.s, discs)
 
     def _replan(self, now: Instant, pose: Pose, *, keep: bool = False) -> bool:
-        """Plan from `pose`. With `keep` the old route stays when there is no other."""
+        """Plan from `pose`; return whether there is a route. With `keep` the old route is kept if there is no other."""
         assert self._order is not None
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
@@ -297,18 +299,18 @@ class Navigator:
                 self._follower = None
                 self.status = "blocked"
             return False
-        # A route that begins inside does not pass the gate behind it; until it is clear the robot has its turn still.
+        # A route that begins inside does not pass the gate behind it. Until the robot is clear, it still has its turn.
         if self._gate.passed and not self._gate.cleared:
             route = gated_again(self.arena, route)
         self._follower = Follower(route, self.arena.shape)
         self.status = "moving"
         return True
 
-    # -- what others ask ------------------------------------------------------------------------------------
+    # -- state and estimates ---------------------------------------------------------------------------------
 
     @property
     def goal(self) -> Point | None:
-        """Return where the robot has been ordered to go."""
+        """Return the goal of the present order."""
         return None if self._order is None else self._order.goal
 
     @property
@@ -323,7 +325,7 @@ class Navigator:
 
     @property
     def remaining_m(self) -> float:
-        """Return the way that is left in metres; 0 without a route."""
+        """Return the remaining length of the route in metres; 0 without a route."""
         return 0.0 if self._follower is None else max(0.0, self._follower.route.length_m - self._follower.s)
 
     @property
@@ -333,7 +335,7 @@ class Navigator:
 
     @property
     def aside(self) -> bool:
-        """Return whether the robot makes room for others."""
+        """Return whether the robot is on an excursion."""
         return self._excursion is not None
 
     @property
@@ -347,11 +349,11 @@ class Navigator:
         if follower is None or follower.route.gate_m is None:
             return False
         way = self._gate.commit_line_m(follower.route) - follower.s
-        # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
+        # The distance alone, at full speed, rules it out nearly always. The costlier estimate follows only otherwise.
         return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate() <= within
 
     def eta_gate(self) -> Duration:
-        """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
+        """Return the least time to the gate's commit line; 0 if it is passed, or without a gate."""
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.passed:
             return 0
@@ -359,7 +361,7 @@ class Navigator:
         return 0 if way <= 0.0 else time_left(self.arena.shape, follower, self._pose, way, self._v)
 
     def eta_clear(self) -> Duration:
-        """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
+        """Return the least time until the robot is clear of the narrow section; 0 if it is, or without a gate."""
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.cleared:
             return 0
@@ -375,7 +377,7 @@ class Navigator:
         shared: GridPath | None = None,
         through_gate: bool = True,
     ) -> Estimate | None:
-        """Return what driving from `pose` to `goal` would take, without moving; None when there is no way."""
+        """Return the estimate of a drive from `pose` to `goal`, without moving; None if there is no route."""
         order = DriveOrder(goal, shared, through_gate)
         route = ordered_route(self.arena, Point(pose.x, pose.y), order, parked)
         if route is None:
@@ -384,7 +386,7 @@ class Navigator:
         return estimate_of(self.arena.shape, route, self._gate.commit_line_m(route), turn)
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
-        """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
+        """Return the part of the route from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
         order = DriveOrder(goal, None, through_gate=True)
         route = ordered_route(self.arena, Point(pose.x, pose.y), order, ())
         return None if route is None else shared_part(self.arena, route)

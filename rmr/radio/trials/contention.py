@@ -5,9 +5,9 @@ the sink. Each is offered frames at independent random times (Poisson), or alway
 frames go to all, or to the sink with acknowledgement. The first second does not count.
 
 Delays count from the offering: *access* to the first symbol of the first attempt, *e2e* to the arrival of the last
-symbol at the sink (delivered frames). *Service* is from when the radio takes the frame to its confirmation, whatever
-that says. Shares are of the frames offered; frames that wait when it ends get `DRAIN` to leave, but not under
-saturation. A frame that the sink receives twice is delivered once, and a duplicate.
+symbol at the sink (delivered frames). *Service* is the time from the request to its confirmation, whatever its status.
+Shares are of the frames offered. Frames that wait at the end get `DRAIN` to leave, except under saturation. A frame
+that the sink receives twice counts as delivered once, and as one duplicate.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
-"""One link: what distance leaves of a frame's power, and how likely that is enough.
+"""One link: the received power over a distance, and the probability of reception.
 
-Without other traffic the power over the noise decides alone, and `at_distance` gives the chance from the model's
-formulas; under shadowing, averaged over links of that length, some of which are better than others. `drawn` sends
-frames over one link of an ether instead, which tells whether chance falls as the formulas say.
+Without other traffic the signal-to-noise ratio alone decides. `at_distance` computes the probability by the model's
+formulas; under shadowing it is averaged over links of that length. `drawn` sends frames over one link of an ether
+instead, to check that the observed share agrees with the formulas.
 """
 
 from dataclasses import dataclass

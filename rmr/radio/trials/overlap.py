@@ -1,7 +1,7 @@
 """Overlap: two frames at one receiver, without any medium access.
 
-The first comes from 10 m; the second begins later, from where it is weaker, or stronger, by the signal-to-interference
-ratio asked for. What the receiver makes of it shows the rules of locking and capture.
+The first comes from 10 m. The second begins later; its sender stands where the signal-to-interference ratio has the
+requested value. The outcome shows the rules of locking and capture.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where stations stand, in metres around the origin."""
+"""Positions of stations, in metres around the origin."""
 
 from math import cos, pi, radians, sin, sqrt
 from random import Random

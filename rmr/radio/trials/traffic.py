@@ -1,8 +1,8 @@
-"""Senders and what becomes of their frames.
+"""Senders, and the life of their frames.
 
-A sender has a queue of its own, without bound, and hands its radio the next frame when the last one is confirmed; so
-a radio never has more than one, and a frame's service begins when it is handed over. All of a frame's story is in its
-`Frame`: offered to the sender, taken by the radio, on the air (once or again), delivered (the first time), confirmed.
+A sender has an unbounded queue, and hands its radio the next frame when the last one is confirmed. So a radio never has
+more than one, and a frame's service begins when it is handed over. `Frame` records the instants of a frame: offered to
+the sender, taken by the radio, on the air (each attempt), delivered (the first time), confirmed.
 
 `Scene` is the world of one replication: the kernel, the ether, and the senders by address.
 """

@@ -110,7 +110,7 @@ class FactWriter:
         return If("vm.observed", (Evaluate(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
 
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
-        """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
+        """Write the insertion of a fact, if there is room and it is not in a set already."""
         with self._build.when(f"not ({self._unwanted(predicate, args)})"):
             self._build(Update("vm.count", "+", "1"))
             self.add(predicate, args, "key")
@@ -125,7 +125,7 @@ class FactWriter:
         return full if table.linear else f"(key := {table.key(self._pool, args)}) in {table.name} or {full}"
 
     def add(self, predicate: int, args: Sequence[str], key: str, next_serial: Statement = NEXT_SERIAL) -> None:
-        """Write that a fact is inserted, for which there is room, that holds not yet and is counted already.
+        """Write the insertion of a fact that has room, is new and is counted already.
 
         `next_serial` is the statement that assigns the next serial number to ``s``.
         """
@@ -141,7 +141,7 @@ class FactWriter:
             build(Evaluate(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
-        """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
+        """Write the removal of a fact that holds, except for the count; the rules in the mask `but` need no mark."""
         build = self._build
         table = self._tables[predicate]
         build(Assign(held(fact), "False"))
@@ -154,7 +154,7 @@ class FactWriter:
             build(Evaluate(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])"))
 
     def removed(self, predicate: int, but: int = 0) -> None:
-        """Write which rules are looked at again, except those in the mask `but`."""
+        """Write which rules become stale by a removal, except those in the mask `but`."""
         build = self._build
         readers = self.readers[predicate]
         again = [plan for plan in readers if plan.way is Way.REMATCH]
@@ -185,7 +185,7 @@ class FactWriter:
         return bool(readers) and table.linear and not table.dated and gates.is_exclusive
 
     def _show(self, predicate: int, args: Sequence[str]) -> None:
-        """Write what each rule makes of a new fact."""
+        """Write the reaction of each rule to a new fact."""
         build = self._build
         inner = 0  # rules whose comprehensions or aggregates read the predicate: what they derive may change
         gates = Gates(build)
@@ -203,11 +203,12 @@ class FactWriter:
                 build(If(f"vm.broken & {plan.bit}", again))
         if inner:
             build(mark_stale(f"(vm.ready | vm.broken) & {inner}"))
+        # A fact without a table is in the queue of the rule that takes it, or, if no rule does, in a list of its own.
         table = self._tables[predicate]
         gates.write((Evaluate(f"{table.name}.append(f)"),) if table.queued else ())
 
     def _gate(self, plan: RulePlan, place: int, atom: Atom, args: Sequence[str], gates: "Gates") -> None:
-        """Add that a rule takes notice of a fact for one of its atoms."""
+        """Add the reaction of a rule to a fact for one of its atoms."""
         state = plan.state
         if plan.way is Way.SINGLE:
             satisfied = Update("vm.stale" if plan.valued else "vm.ready", "|", str(plan.bit))
@@ -226,7 +227,7 @@ class FactWriter:
             gates.add(tests, (_queued(state.new(place), "[f]"), mark_stale(plan.bit)))
 
     def _top_tests(self, plan: RulePlan, atom: Atom, args: Sequence[str]) -> list[Test]:
-        """Return what a rule demands of the fact of its first atom, whatever there is for the others."""
+        """Return the conditions of a rule on the fact of its first atom alone."""
         slots = BoundSlots()
         tests = self.tests(atom, args, slots)
         self._bind(atom, args, slots)
@@ -272,7 +273,7 @@ class FactWriter:
         return Test(source.text, equality)
 
     def tests(self, atom: Atom, args: Sequence[str], slots: BoundSlots | None = None) -> list[Test]:
-        """Return what the text of an atom alone demands of a fact."""
+        """Return the conditions of an atom on a fact: constants and repeated variables."""
         names = (slots or BoundSlots()).names
         step = plan_atom(atom, self._predicates, names)
         pairs = [(args[position], names[slot].text) for position, slot in step.joins]
@@ -289,7 +290,7 @@ class FactWriter:
 
 
 Gate = tuple[Sequence[Test], Block]
-"""All that a rule demands of a fact, and what it does with a fact that meets it."""
+"""The conditions of a rule on a fact, and its reaction to a fact that meets them."""
 
 
 class Gates:

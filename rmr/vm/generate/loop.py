@@ -35,10 +35,10 @@ from rmr.vm.generate.source import Pool
 from rmr.vm.machine_events import FactSent, RuleFired
 
 IN_LINE_MAX = 12
-"""Rules that a predicate may concern so that the insertion of its facts is written out where they are derived."""
+"""Greatest number of readers of a predicate whose insertions are inlined where its facts are derived."""
 
 IN_LOOP_MAX = 8
-"""Rules up to which all fire in the loop itself, with the event of each, the same all through a run, in a variable."""
+"""Greatest number of rules that fire in the loop itself, each with its event, constant during a run, in a variable."""
 
 _OLDEST_RULE = Update("ready", "&", "-ready")
 """Leaves the lowest bit: the first of the rules in the order of the text."""
@@ -184,7 +184,7 @@ class LoopWriter:
             self._derive(chain, in_line, roomy)
 
     def _take(self, plan: RulePlan) -> None:
-        """Write what takes the match out of what the rule keeps."""
+        """Write the removal of the match from those that the rule keeps."""
         build = self._build
         r = plan.index
         names = plan.names()
@@ -210,7 +210,7 @@ class LoopWriter:
             build(stale)
 
     def _take_single(self, plan: RulePlan) -> None:
-        """Write that a rule of one atom goes on to the next fact of its queue."""
+        """Write the step of a rule of one atom to the next fact of its queue."""
         build = self._build
         r = plan.index
         state = plan.state
@@ -241,7 +241,7 @@ class LoopWriter:
             self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
 
     def _next_top(self, plan: RulePlan) -> None:
-        """Write that a rule that consumes its top is looked at again only if there is something to look at."""
+        """Write the stale mark of a rule that consumes its top, if there are facts left to search."""
         state = plan.state
         left = ["kept", "(q and q[0] + 1 < len(q))", *[state.new(place) for place, _ in plan.atoms[1:]]]
         gone = (state.current_top, state.queue) if len(plan.atoms) > 1 else (state.queue,)
@@ -253,7 +253,7 @@ class LoopWriter:
         return item.mine and len(self._facts.readers[item.item.predicate]) <= IN_LINE_MAX
 
     def _is_temporary(self, item: WrittenItem) -> bool:
-        """Return whether there is room for a fact if another one has gone: it is never too long, and always new."""
+        """Return whether a fact always has room after another one was removed: it has no length, and is always new."""
         table = self._tables[item.item.predicate]
         return table.linear and not table.long
 

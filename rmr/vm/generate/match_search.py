@@ -80,7 +80,10 @@ class FreshBody(Body):
         self._seed = seed
 
     def stop(self, place: int, fact: str) -> str | None:
-        """Leave out tops that have not been tried, and new facts of the atoms that have had theirs."""
+        """Leave out the combinations that another search finds, so that no match is found twice.
+
+        Those are the tops that have not been tried, and new facts of atoms whose new facts have been joined already.
+        """
         if place == self._top:
             return f"{serial(fact)} >= before"
         return f"{serial(fact)} > known" if place < self._seed else None
@@ -197,7 +200,7 @@ class SearchWriter:
             build(self._satisfied)
 
     def _shorten_queue(self) -> If:
-        """Return the statement that notes how far a queue has been taken, and deletes what has been if it is the most.
+        """Return the statement that stores how far a queue has been taken; it deletes the taken part if that is larger.
 
         Deleting costs time in proportion to what is left, so it waits until more has been taken than is left.
         """
@@ -219,12 +222,14 @@ class SearchWriter:
                 for place in self._places[1:]:
                     self._join_new(place)
                 if plan.is_eager:
+                    # All tops at once, so that failures are reported when the specification reports them.
                     self._try_tops()
                     build(_SORT_KEPT)
                     build(Assign(state.joined_up_to, "vm.newest"), self._drop_gone())
                     with build.otherwise():
                         build(*self._unsatisfied)
                 else:
+                    # A kept match is older than any of a later top. So later tops are tried only when none is left.
                     build(Assign(state.joined_up_to, "vm.newest"), self._drop_gone())
                     with build.otherwise():
                         self._try_tops()
@@ -299,10 +304,10 @@ class SearchWriter:
             mark = build.mark()
             is_open = [Assign(state.current_top, fact)] if len(self._places) > 1 else []
             self._below(body, self._keep, *is_open, self._satisfied, Return())
-            build.insert(mark, loads(body))  # each time anew: the first top that is tried may have made them
+            build.insert(mark, loads(body))  # inside the loop: the first top that is tried may have made these indices
 
     def _join_new(self, place: int) -> None:
-        """Write what is done with the new facts of one atom that is not the first."""
+        """Write the join of the new facts of one atom that is not the first with the tops tried so far."""
         build = self._build
         plan = self._plan
         state = self._state
@@ -318,6 +323,7 @@ class SearchWriter:
                 if place != self._places[1]:
                     # A new fact of an inner atom may make an older match of the open top than the one kept.
                     build(If("f is not None and kept and kept[0][0] is f", (Delete("kept[0]"),)))
+                # Joining costs time for each new fact. Beyond its budget all tops are tried again instead.
                 few = f"len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX}"
                 build(Assign("vm.looks", f"{FRESH_LOOKS_MAX} if {few} else -1"), Assign("vm.looking", "None"))
                 build(If("vm.looks < 0", (Assign("new", "()"),)))
@@ -327,6 +333,7 @@ class SearchWriter:
                 restart = Evaluate(f"{self._functions.restart}(vm)")
                 build(If("vm.looks < 0", (restart, Assign("kept", state.kept))))
             build(_SORT_KEPT)
+            # Every match of such a rule fires, so none is searched again: those beyond the bound are lost, and counted.
             if plan.once:
                 build(If(f"len(kept) > {once.MATCHES_MAX}", (Evaluate("vm.spill(kept, now)"),)))
 

@@ -1,8 +1,8 @@
-"""The module made from a program: its source, and what Python makes of it.
+"""The generated module of a program: its source and its compiled functions.
 
-Source is made of verified programs only, on the machine that runs it, and never read from anywhere. Python takes
-longer to compile it than all else that is done to load a program, so what only one rule or predicate needs waits until
-it is called for the first time.
+Source is generated from verified programs only, in the process that runs it, and never read from a file or a peer.
+Python's compiler takes longer than everything else in loading a program. So the functions of a single rule or predicate
+are generated on their first call.
 """
 
 from collections.abc import Callable, Iterable
@@ -67,10 +67,10 @@ class Module:
         self.names["ARRIVE"] = Arrivals(self, shared_of(program).gate)
         self._compile(self._write())
         self.methods = {"insert": self.names["insert"], "run": self.names["run"], "_fire": self.names["fire"]}
-        """What a machine's class gets besides."""
+        """Further attributes of a machine's class."""
         self.reset = self.names["reset"]
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.REMATCH])
-        """The rules that may be satisfied though no fact has come."""
+        """The rules that may be satisfied without any fact."""
         self.all_rules = mask(self.plans)
         self.slots: list[str] = self._slots
         self._slow: set[int] = set()
@@ -148,13 +148,13 @@ class Module:
         return arrive
 
     def _compile(self, functions: Block) -> None:
-        """Let Python make functions of the form."""
+        """Compile functions of the intermediate form."""
         source = text_of(functions)
         self.sources.append(source)
         exec(compile(source, "<rules>", "exec"), self.names)
 
     def _first(self, make: Callable[[int], None], index: int, name: str) -> Callable[..., None]:
-        """Return what stands for the function `name` until it is called for the first time: then `make` makes it."""
+        """Return a placeholder of the function `name`, which `make` replaces at the first call."""
 
         def first(*args: Any) -> None:
             make(index)

@@ -32,7 +32,7 @@ from rmr.vm.match import plan_atom
 from rmr.vm.store import Args, is_open
 
 ATOMS_MAX = 8
-"""Atoms of one body up to which source is made: Python takes no more than twenty blocks one in another."""
+"""Atoms of one body up to which source is generated: Python allows twenty nested blocks."""
 
 
 class Way(Enum):
@@ -44,7 +44,7 @@ class Way(Enum):
 
 
 class RulePlan:
-    """What is known of one rule."""
+    """The static properties of one rule."""
 
     def __init__(self, program: Program, index: int, tables: list[FactTable]) -> None:
         rule = self.rule = program.rules[index]
@@ -74,7 +74,7 @@ class RulePlan:
         self.way = self._way(tables)
         lasting = all(tables[atom.predicate].lasting for _, atom in self.atoms)
         self.lasting = self.way is Way.JOIN and self.once and lasting and not self.failing
-        """Nothing undoes its matches, and none fails."""
+        """Its matches stay valid, and none fails."""
         self._read = {each.predicate for body in bodies(rule) for each in body if isinstance(each, Atom)}
         self.valued = False
         """Its head is evaluated when the match is found: it may have no value, or depends on other facts."""
@@ -224,7 +224,7 @@ def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
 
 
 def is_small(program: Program) -> bool:
-    """Return whether source is made of a program: none of its bodies is beyond what Python takes."""
+    """Return whether source can be generated for a program: no body exceeds Python's nesting limit."""
     return all(
         sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX
         for rule in program.rules

@@ -1,4 +1,4 @@
-"""What generated source is made of: one Python expression each, and the names that it uses.
+"""The parts of generated source: single Python expressions, and the names that they use.
 
 A Source can stand as an operand or argument. Python evaluates from left to right like the stack machine, so source
 that keeps the order of the operands fails where the byte-code fails and with the same message. Expressions have no
@@ -36,7 +36,7 @@ class Pool:
 
     def __init__(self) -> None:
         self.globals: dict[str, Any] = {}
-        """What the generated module must find among its globals."""
+        """The globals that the generated module needs."""
         self._temporaries = 0
         self._constants: dict[tuple[type, Symbol | Robot], str] = {}
 
@@ -84,5 +84,5 @@ def fails(*sources: Source) -> bool:
 
 
 def movable(*sources: Source) -> bool:
-    """Return whether `sources` may be evaluated in any order: which of them fails is then no question."""
+    """Return whether `sources` may be evaluated in any order: at most one of them can fail."""
     return sum(source.fails for source in sources) <= 1
