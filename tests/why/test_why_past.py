@@ -58,6 +58,42 @@ def observed_homes(tmp_path, monkeypatch):
     return written("type home(robot, robot).\nhome(@1, @2).\n", "--robots 2", tmp_path, monkeypatch).past.program
 
 
+ACTIONS = """
+from rmr import action
+
+@action("look")
+async def look(robot):
+    await robot.sleep(0.2)
+    robot.insert("seen", 3)
+"""
+SEEN = """
+type action look(R: robot).
+type sensor seen(robot, int).
+start(R).
+start(R) -o look(R).
+seen(R, N) -o !known(R, N).
+"""
+LAB = """
+lab: seen
+program: seen.rmr
+actions: actions.py
+duration: 1s
+arena: {size: [2.0, 1.0]}
+robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
+"""
+
+
+@pytest.mark.medium
+def test_fact_inserted_by_a_python_handler_leads_to_its_action(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("actions.py", ACTIONS), ("seen.rmr", SEEN), ("lab.yaml", LAB)):
+        (tmp_path / name).write_text(text)
+    simulate([".", "--run", "run"])
+    lines = invoke(why_command(), ["run", "known(@1, _)"], name="rmr why").stdout.splitlines()
+    assert lines[1].endswith("seen(@1, 3)  0.200 s  inserted by the Python handler of the action")
+    assert "action look(@1)  0.000 s  by rule seen.rmr:5" in lines[2]
+
+
 @pytest.mark.medium
 def test_run_that_goes_on_is_asked_by_the_robots_id_and_says_until_when_it_is_known(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
