@@ -85,6 +85,10 @@ def _answer(
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
+    if asked.owner is not None and not past.minds(asked.owner):
+        raise UnexplainableError(
+            "; ".join([f"what robot {asked.owner} did was not recorded", *histories.problems]) + ": no answer"
+        )
     if not recording.complete and asked.owner is not None:
         histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
