@@ -86,9 +86,7 @@ def _answer(
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
     if asked.owner is not None and not past.minds(asked.owner):
-        raise UnexplainableError(
-            "; ".join([f"what robot {asked.owner} did was not recorded", *histories.problems]) + ": no answer"
-        )
+        raise UnexplainableError("; ".join(histories.problems) or f"what robot {asked.owner} did was not recorded")
     if not recording.complete and asked.owner is not None:
         histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
