@@ -74,7 +74,7 @@ def test_json_has_places_instants_and_the_instant_up_to_which_the_run_is_known(r
     [answer] = data["answers"]
     assert answer["rule"]["file"].endswith("corridor.rmr")
     assert (answer["rule"]["line"], answer["rule"]["firing"]) == (15, 1)
-    assert answer["rule"]["bindings"] == ["@1", "32.0"]
+    assert answer["rule"]["bindings"] == {"R": "@1", "D": "32.0"}
     assert [child["role"] for child in answer["children"]] == ["consumed", "read"]
     assert data["known_until_s"] > 5
     assert data["problems"] == []
