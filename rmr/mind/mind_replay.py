@@ -134,7 +134,11 @@ class MindReplay:
             return None
         batch = read_batch(data)
         if batch.number != self._number:
-            raise MindLogError(f"batches {self._number} to {batch.number - 1} of the log are missing")
+            first = self._number
+            if first == 0:
+                raise MindLogError("its beginning is missing")
+            lost = f"batch {first}" if batch.number == first + 1 else f"batches {first} to {batch.number - 1}"
+            raise MindLogError(f"{lost} of its log missing")
         self._number += 1
         return batch
 
