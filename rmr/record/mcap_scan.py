@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 import zstandard
 
+from rmr.record.being_written import is_locked
 from rmr.record.mcap_format import (
     CHUNK_HEAD,
     HEAD,
@@ -84,7 +85,6 @@ class McapScan:
         """Offset behind the last whole record."""
         self.complete = False
         """Whether the file has been finished: it has its index."""
-        self._decompressor = zstandard.ZstdDecompressor()
         self._begin()
         self.extend()
 
@@ -128,6 +128,11 @@ class McapScan:
             except FormatError:
                 return
             self.end += HEAD.size + length
+
+    @property
+    def being_written(self) -> bool:
+        """Whether a process is writing the file."""
+        return is_locked(self._file)
 
     @property
     def cut_octets(self) -> int:
@@ -203,7 +208,7 @@ class McapScan:
             try:
                 if zstandard.frame_content_size(data) != chunk.size:
                     raise FormatError("a length that cannot be")
-                data = self._decompressor.decompress(data)
+                data = zstandard.ZstdDecompressor().decompress(data)  # threads cannot share one
             except zstandard.ZstdError as error:
                 raise FormatError(str(error)) from None
         elif chunk.compression:
