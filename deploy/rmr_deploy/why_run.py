@@ -94,10 +94,12 @@ def _answer(
     as_dot: bool,
 ) -> int:
     histories = ReplayedHistories(recording)
-    past = Past(histories)
+    past = Past(histories, histories.variables)
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
+    if asked.owner is not None and not past.minds(asked.owner):
+        raise UnexplainableError("; ".join(histories.problems) or f"what robot {asked.owner} did was not recorded")
     if not recording.complete and asked.owner is not None:
         histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)

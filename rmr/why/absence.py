@@ -22,7 +22,7 @@ from rmr.why.question import Question
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
 from rmr.why.unsatisfied_rules import NEAR_SHOWN, UnsatisfiedRules
-from rmr.why.why_answer import goal_agrees, removal
+from rmr.why.why_answer import ANSWERS_MAX, goal_agrees, removal
 
 ACTIONS_SHOWN: Final = 3
 """Actions shown of one robot, the newest ones."""
@@ -35,8 +35,11 @@ def why_not(past: Past, asked: Question, at: Instant | None = None, depth: int =
     if at is not None and at > past.known_until:
         answer.notes.append(f"the run is known until {seconds_text(past.known_until)}")
     finder = AbsenceFinder(past, until)
-    for robot in past.robots if asked.owner is None else [asked.owner]:
+    robots = list(past.robots) if asked.owner is None else [asked.owner]
+    for robot in robots[:ANSWERS_MAX]:
         answer.trees.append(finder.absent(asked.of(robot), depth))
+    if len(robots) > ANSWERS_MAX:
+        answer.notes.append(f"{len(robots) - ANSWERS_MAX} more robots are not shown: name the robot")
     return answer
 
 
@@ -68,9 +71,15 @@ class AbsenceFinder:
             node.children.append(AbsenceNode("note", self._no_source(asked)))
         return node
 
-    def reasons(self, asked: Question, depth: int) -> list[AbsenceNode]:
-        """Return why a fact does not hold, unless the answer says so already."""
-        return [] if asked.text(self._program) in self._seen else self.absent(asked, depth).children
+    def reasons(self, asked: Question, depth: int, again: bool = False) -> list[AbsenceNode]:
+        """Return why a fact does not hold, unless the answer says so already; `again`: why it has not come back."""
+        text = asked.text(self._program)
+        if text in self._seen:
+            return []
+        if not again:
+            return self.absent(asked, depth).children
+        self._seen.add(text)
+        return self._causes(asked, depth)
 
     def _history(self, asked: Question, mind: MindIndex, text: str) -> AbsenceNode:
         """Return whether and until when it held."""
@@ -231,6 +240,18 @@ class AbsenceFinder:
             and wanted.matches(action.executor, action.args)
         ]
 
+    def _turn_began(self, action: PastAction) -> Instant | None:
+        """Return when another action that waited for the same turn began: all of them have it from then on."""
+        mind = self._past.mind_at(action.executor, self._now)
+        begun = [
+            other.begun
+            for other in ([] if mind is None else mind.actions.values())
+            if other.group == action.group
+            and other.begun is not None
+            and (action.held or 0) <= other.begun <= self._now
+        ]
+        return min(begun, default=None)
+
     def _order(self, action: PastAction) -> str:
         """Return the schedule that an action waits for, the robots before its own."""
         mind = self._past.mind_at(action.executor, self._now)
@@ -252,6 +273,8 @@ class AbsenceFinder:
             return stages(action)
         if begun:
             return f"began {seconds_text(action.begun or 0)} and is under way"
+        if held and (since := self._turn_began(action)) is not None:
+            return f"has its turn of {action.group} since {seconds_text(since)} and waits for the wheels"
         if held:
             return f"waits for its turn of {action.group} since {seconds_text(action.held or 0)}{self._order(action)}"
         return f"waits for the wheels since {seconds_text(action.at)}"

@@ -19,7 +19,16 @@ from rmr.why.mind_index import MindIndex, PastFact
 from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
 from rmr.why.past import Past
 from rmr.why.question import Question
-from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
+from rmr.why.rule_words import (
+    Env,
+    atom_text,
+    conjunct_text,
+    item_text,
+    named,
+    rule_name,
+    rule_place_of,
+    seconds_text,
+)
 from rmr.why.sources import RuleSource
 from rmr.why.why_answer import removal
 
@@ -42,12 +51,14 @@ class _Attempt(NamedTuple):
 class UnsatisfiedRules:
     """Finds the reasons why rules did not bring about what is asked for, as of one instant."""
 
-    def __init__(self, past: Past, now: Instant, follow: Callable[[Question, int], list[AbsenceNode]]) -> None:
-        """`follow` returns the reasons why a fact that never held did not, down to a depth."""
+    def __init__(self, past: Past, now: Instant, follow: Callable[[Question, int, bool], list[AbsenceNode]]) -> None:
+        """`follow` returns the reasons why a fact does not hold, or (True) has not come back, down to a depth."""
         self._past = past
         self._program = past.program
         self._now = now
         self._follow = follow
+        self._shown: set[str] = set()
+        """Attempts that the answer has explained."""
 
     def attempts(self, asked: Question, source: RuleSource, depth: int) -> list[AbsenceNode]:
         """Return how far the robots came that could fire the rule for it."""
@@ -93,8 +104,14 @@ class UnsatisfiedRules:
             node.children.append(AbsenceNode("note", self._not_fired(mind, source, match)))
             return node
         node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
+        key = f"{mind.robot} {source.rule} {match.env!r}"
+        if key in self._shown:
+            node.text += "  (shown above)"
+            node.children.clear()
+            return node
+        self._shown.add(key)
         words = [
-            conjunct_text(self._program, conjunct, mind.robot, match.env)
+            conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
             for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
             if verdict.holds
         ]
@@ -139,8 +156,8 @@ class UnsatisfiedRules:
     # -- conjuncts ----------------------------------------------------------------------------------------------------
 
     def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: ConjunctVerdict, depth: int) -> AbsenceNode:
-        mind, _, match = attempt
-        text = conjunct_text(self._program, conjunct, mind.robot, match.env)
+        mind = attempt.mind
+        text = conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
         if verdict.holds is None:
             return AbsenceNode("undecided", f"not decided: {text}")
         if isinstance(conjunct, Guard | Bind):
@@ -154,40 +171,49 @@ class UnsatisfiedRules:
             return AbsenceNode("blocked", f"in the way: {blocking} holds since {since}, {because}")
         return self._missing(attempt, conjunct, depth)
 
+    def _named(self, attempt: _Attempt) -> Env:
+        """Return the values of the rule's variables, with the names of those that have none."""
+        return named(attempt.match.env, self._past.variables(attempt.source.rule))
+
     def _missing(self, attempt: _Attempt, atom: Atom, depth: int) -> AbsenceNode:
         """Return why no fact matches an atom."""
         mind, source, match = attempt
-        text = atom_text(self._program, atom, mind.robot, match.env)
+        text = atom_text(self._program, atom, mind.robot, self._named(attempt))
         env = list(match.env)
         past = [f for f in mind.by_predicate[atom.predicate] if f.at <= self._now and matched(atom, f, env) is not None]
         if any(fact.held_at(self._now) for fact in past):
             return AbsenceNode("missing", f"missing: {text}: another condition needs the only such fact")
+        args = tuple([_pattern(each, match.env) for each in atom.args])
+        asked = Question(atom.predicate, False, False, mind.robot, args)
         if past:
-            return AbsenceNode("missing", f"missing: {text}{self._gone(mind, source, past[-1])}")
+            words, rival = self._gone(mind, source, past[-1])
+            node = AbsenceNode("missing", f"missing: {text}{words}")
+            if depth > 0 and not rival:
+                node.children += self._follow(asked, depth - 1, True)
+            return node
         node = AbsenceNode("missing", f"missing: {text} never held{self._instead(mind, atom)}")
         elsewhere = self._elsewhere(mind, atom, env)
         if elsewhere:
             node.children.append(AbsenceNode("note", elsewhere))
         if depth > 0:
-            args = tuple([_pattern(each, match.env) for each in atom.args])
-            asked = Question(atom.predicate, False, False, mind.robot, args)
-            node.children += self._follow(asked, depth - 1)
+            node.children += self._follow(asked, depth - 1, False)
         return node
 
-    def _gone(self, mind: MindIndex, source: RuleSource, fact: PastFact) -> str:
-        """Return what has removed a fact, and why that came before the rule."""
+    def _gone(self, mind: MindIndex, source: RuleSource, fact: PastFact) -> tuple[str, bool]:
+        """Return what has removed a fact, and whether that was a rule which came before this one."""
         words = (
             f" held from {seconds_text(fact.at)} until {seconds_text(fact.until)}: {removal(self._past, mind, fact)}"
         )
         if not isinstance(fact.removal, FiringCause):
-            return words
+            return words, False
         record = mind.firings[fact.removal.number]
         if record.rule == source.rule:
-            return words + ", this rule"
+            return words + ", this rule", False
         for rival in record.rivals:
             if rival.rule == source.rule:
-                return f"{words}; this rule was satisfied then, too: {self._preferred(mind, record, rival.rank)}"
-        return words
+                why = self._preferred(mind, record, rival.rank)
+                return f"{words}; this rule was satisfied then, too: {why}", True
+        return words, False
 
     def _preferred(self, mind: MindIndex, record: FiringRecord, rank: int | None) -> str:
         """Return why a firing came before a rule that was satisfied as well, with `rank`."""

@@ -36,6 +36,13 @@ def test_facts_of_an_earlier_incarnation_are_lost_at_the_restart_and_numbers_go_
     assert numbers == list(range(1, len(numbers) + 1))
 
 
+def test_question_about_any_of_many_robots_is_answered_for_the_first_ten(tmp_path, monkeypatch):
+    observed = written(PROGRAM, "--robots 12", tmp_path, monkeypatch)
+    text = observed.why_not("mark(R, 2)")
+    assert text.count("does not hold at 0.000 s: it never did") == 10
+    assert text.endswith("2 more robots are not shown: name the robot\n")
+
+
 def test_robot_without_a_recording_is_told_where_its_message_would_be(tmp_path, monkeypatch):
     program = "type news(robot).\nstart(@1).\nstart(R) -o news(@2).\n"
     observed = written(program, "--robots 2", tmp_path, monkeypatch)
@@ -56,6 +63,42 @@ def test_fact_of_another_robot_than_the_one_asked_is_refused(tmp_path, monkeypat
 
 def observed_homes(tmp_path, monkeypatch):
     return written("type home(robot, robot).\nhome(@1, @2).\n", "--robots 2", tmp_path, monkeypatch).past.program
+
+
+ACTIONS = """
+from rmr import action
+
+@action("look")
+async def look(robot):
+    await robot.sleep(0.2)
+    robot.insert("seen", 3)
+"""
+SEEN = """
+type action look(R: robot).
+type sensor seen(robot, int).
+start(R).
+start(R) -o look(R).
+seen(R, N) -o !known(R, N).
+"""
+LAB = """
+lab: seen
+program: seen.rmr
+actions: actions.py
+duration: 1s
+arena: {size: [2.0, 1.0]}
+robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
+"""
+
+
+@pytest.mark.medium
+def test_fact_inserted_by_a_python_handler_leads_to_its_action(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("actions.py", ACTIONS), ("seen.rmr", SEEN), ("lab.yaml", LAB)):
+        (tmp_path / name).write_text(text)
+    simulate([".", "--run", "run"])
+    lines = invoke(why_command(), ["run", "known(@1, _)"], name="rmr why").stdout.splitlines()
+    assert lines[1].endswith("seen(@1, 3)  0.200 s  inserted by the Python handler of the action")
+    assert "action look(@1)  0.000 s  by rule seen.rmr:5" in lines[2]
 
 
 @pytest.mark.medium
