@@ -33,11 +33,21 @@ def _declare(parser: "Parser") -> None:
     parser.option(
         "--leave", read=real(0), metavar="SECONDS", help="end so long after the run is over and the last page is closed"
     )
+    parser.flag("--foxglove", help="serve Foxglove and Lichtblick instead of the page (default port: 8765)")
+    parser.option("--speed", read=real(0.01, 1000), metavar="X", help="lab time over time of a recording in Foxglove")
     parser.option("--listener", read=whole(0), metavar="FD", help="a listening socket, instead of a port")
 
 
-def _view(**options: Any) -> int:
-    """Serve the page; return the exit code."""
+def _view(foxglove: bool, speed: float | None, **options: Any) -> int:
+    """Serve the page, or Foxglove; return the exit code."""
+    if foxglove:
+        from rmr_view.foxglove_command import perform_foxglove
+
+        return perform_foxglove(speed=speed, **options)
+    if speed is not None:
+        from rmr.entry.command_line import CommandLineError
+
+        raise CommandLineError("--speed is for --foxglove: the page has a button")
     from rmr_view.view_command import perform
 
     return perform(**options)

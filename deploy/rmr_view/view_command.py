@@ -66,14 +66,8 @@ def _wait(server: PageServer, source: RunSource, leave_s: float | None) -> None:
 
 def find_source(path: Path | None, control: bool) -> RunSource:
     """Return the source of the run that is named, or of the newest one under way. Raises NoRunError."""
-    if path is None:
-        path = newest_run(Path("runs"))
-        if path is None:
-            message = "no lab runs here (in ./runs); start one with rmr up LAB, or name a recording: rmr view RUN"
-            raise NoRunError(message, ExitCode.FAILED)
-    if not path.exists():
-        raise NoRunError(f"there is no {path}", ExitCode.USAGE)
-    if (path / PROCESSES_FILE).is_file() and under_way(path):
+    path, live = find_run(path)
+    if live:
         return _live(path, control)
     if control:
         raise NoRunError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)
@@ -83,6 +77,18 @@ def find_source(path: Path | None, control: bool) -> RunSource:
         raise NoRunError(str(error), ExitCode.INVALID) from None
     except OSError as error:
         raise NoRunError(f"{path}: {error.strerror or error}", ExitCode.USAGE) from None
+
+
+def find_run(path: Path | None) -> tuple[Path, bool]:
+    """Return the run that is named, or the newest one under way, and whether it goes on. Raises NoRunError."""
+    if path is None:
+        path = newest_run(Path("runs"))
+        if path is None:
+            message = "no lab runs here (in ./runs); start one with rmr up LAB, or name a recording: rmr view RUN"
+            raise NoRunError(message, ExitCode.FAILED)
+    if not path.exists():
+        raise NoRunError(f"there is no {path}", ExitCode.USAGE)
+    return path, (path / PROCESSES_FILE).is_file() and under_way(path)
 
 
 def _live(folder: Path, control: bool) -> RunSource:

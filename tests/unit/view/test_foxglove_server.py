@@ -3,7 +3,10 @@
 import asyncio
 import json
 import shutil
+import signal
 import struct
+import subprocess
+import sys
 from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from socket import SO_RCVBUF, SOL_SOCKET, create_server, socket
@@ -17,7 +20,7 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import open_recording
 from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
-from rmr_view import foxglove_server
+from rmr_view import foxglove_server, view
 from rmr_view.foxglove_feed import LAG_S, LiveFeed, RecordedFeed
 from rmr_view.foxglove_server import ADVERTISED, NUMBERS, FoxgloveClient, FoxgloveServer, serve_foxglove
 
@@ -364,3 +367,38 @@ def test_port_in_use_and_no_recording_are_told_in_one_sentence(run, tmp_path, ca
     assert "no recording of a run" in capsys.readouterr().err
     assert serve_foxglove(tmp_path, live=True, port=0) == 3
     assert "no recording of a run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--foxglove", "nowhere"], 2, "there is no nowhere"),
+        (["--foxglove"], 1, "no lab runs here"),
+        (["--foxglove", "{run}", "--control"], 2, "Foxglove only watches"),
+        (["--foxglove", "{run}", "--speed", "0"], 2, "--speed"),
+        (["{run}", "--speed", "2"], 2, "--speed is for --foxglove"),
+    ],
+)
+def test_command_tells_what_foxglove_cannot_do(run, tmp_path, monkeypatch, capsys, words, code, message):
+    monkeypatch.chdir(tmp_path)
+    assert view.command().main([word.format(run=run) for word in words], "rmr view") == code
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_command_prints_the_address_serves_and_ends_in_order(run, ending):
+    command = [sys.executable, "-m", "rmr_view.view", "--foxglove", str(run), "--port", "0", "--speed", "100"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        address = process.stdout.readline().rpartition(" ")[2].strip()
+
+        async def check():
+            async with client(address) as connection:
+                await connection.send(subscribing("/tf"))
+                assert await data_of(connection, 3)
+                process.send_signal(ending)
+                with pytest.raises(ConnectionClosed):
+                    await data_of(connection, 10_000)
+
+        asyncio.run(check())
+        assert process.wait(20) == 0
+        assert process.stderr.read() == ""

@@ -43,7 +43,13 @@ def test_paths_out_of_the_page_and_unknown_ones_are_not_found(browser, path):
 
 
 def test_run_names_lab_robots_and_rights(browser):
-    assert browser.get("/api/run") == {"lab": "bench", "robots": [1, 2, 3], "live": True, "steer": True, "control": True}
+    assert browser.get("/api/run") == {
+        "lab": "bench",
+        "robots": [1, 2, 3],
+        "live": True,
+        "steer": True,
+        "control": True,
+    }
 
 
 def test_poses_are_those_of_the_window_with_estimates_of_their_own_instants(browser):
@@ -78,7 +84,9 @@ def test_entries_beyond_the_bound_are_announced_by_more(source, browser):
 def test_robot_and_why_pass_their_question_on(source, browser):
     assert browser.get("/api/robot/3?t=1.5") == {"robot": 3, "t": 1.5}
     assert browser.get("/api/robot/3")["t"] is None
-    assert browser.get("/api/why?robot=1&fact=at(@1,%20exit)&t=2&depth=5&more=3.17&not=1") == {"question": "at(@1, exit)"}
+    assert browser.get("/api/why?robot=1&fact=at(@1,%20exit)&t=2&depth=5&more=3.17&not=1") == {
+        "question": "at(@1, exit)"
+    }
     assert source.asked == [(3, 1.5), (3, None), (1, "at(@1, exit)", 2.0, WhyOptions(True, 5, "3.17"))]
 
 
