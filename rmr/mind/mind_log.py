@@ -161,6 +161,10 @@ class MindLog:
         """Log a step of a user's handler."""
         self._blob(ACTED, step)
 
+    def again(self, operation: bytes) -> None:
+        """Log an operation as it stands in another log."""
+        self._parts.append(operation)
+
     # -- outputs ------------------------------------------------------------------------------------------------
 
     def _output(self, part: bytes) -> None:

@@ -53,12 +53,15 @@ class MindReplay:
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
         provenance: ProvenanceLog | None = None,
+        since: Instant = 0,
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same; with a log of `provenance` it is the interpreter. Raises MindLogError if the log has no beginning.
+        same; with a log of `provenance` it is the interpreter. Calls before `since` are carried out, but neither
+        compared nor counted. Raises MindLogError if the log has no beginning.
         """
+        self._since = since
         self._log = iter(log)
         self._fed: deque[bytes] = deque()
         self._number = 0
@@ -71,12 +74,12 @@ class MindReplay:
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
         node = self._make_node(program, engine, trace, witness, provenance)
-        self._own_log = node.log
+        self._own_log = self._feed.log = node.log
         self.node: Final[Node] = node
         self.now: Instant = 0
         """Instant of the last call."""
         self.began: Instant | None = None
-        """Instant of the first call."""
+        """Instant of the first call that is compared."""
         self.difference: MindDifference | None = None
         """The first one, if there is any."""
         self.inputs = 0
@@ -155,11 +158,13 @@ class MindReplay:
         self._place += 1
         base = self._own_log.base
         self.now = call.at
-        if self.began is None:
+        if self.began is None and call.at >= self._since:
             self.began = call.at
         self._carry_out(call)
-        self._count(call)
         octets = self._own_log.take()
+        if call.at < self._since:
+            return True
+        self._count(call)
         if octets != call.octets and self.difference is None:
             self.difference = compared(call, operations_of(octets, base))
         return True
