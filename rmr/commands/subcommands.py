@@ -35,7 +35,7 @@ PROGRAMS: dict[str, str] = {
     "new": "Write a lab of your own that runs at once.",
     "lab": "Check, draw, list and copy labs; the schema of the lab file.",
     "view": "Show a run in the browser, while it goes on or afterwards.",
-    "plot": "Draw figures of experiments.",
+    "plot": "Draw pictures of a run, or figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",
 }
