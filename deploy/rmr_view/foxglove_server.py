@@ -13,6 +13,7 @@ import json
 import logging
 import os
 import re
+import signal
 import struct
 import sys
 from collections import deque
@@ -241,6 +242,7 @@ def serve_foxglove(path: Path, *, live: bool, port: int | None = None, speed: fl
     for problem in feed.recording.problems:
         print(f"rmr view: {problem}", file=sys.stderr)
     print(f"for Foxglove or Lichtblick, open the connection: ws://{HOST}:{sock.getsockname()[1]}", flush=True)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with suppress(KeyboardInterrupt):
         asyncio.run(FoxgloveServer(feed).run(sock))
     return ExitCode.OK

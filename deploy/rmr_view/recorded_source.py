@@ -17,9 +17,9 @@ from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
 from rmr.record.run_files import FLOOR, PATHS_NAME, REPORT, SOURCE
 from rmr_view.mind_worker import MindWorker
-from rmr_view.recorded_messages import entry_of, take
+from rmr_view.recorded_messages import entries_of, take, take_into_timeline
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
 
 KEPT_TOPICS = ("/tf", "/tf_estimates", "/routes", "/status", "/faults")
 """Channels that are read once and kept."""
@@ -64,7 +64,7 @@ class RecordedSource:
         with self._reading:
             for message in self._recording.messages((*KEPT_TOPICS, TIMELINE_TOPIC)):
                 if message.topic == TIMELINE_TOPIC:
-                    self.history.add_trace([entry_of(message.topic, message.at, message.data)])
+                    take_into_timeline(self.history, message.at, message.data)
                 else:
                     take(self.history, message.topic, message.at, message.data)
 
@@ -81,8 +81,8 @@ class RecordedSource:
         topic = f"/{kind}"
         last = seconds(min(end, self._end_s + 1.0)) + 1
         with self._reading:
-            found = self._recording.messages((topic,), seconds(begin), last)
-            return [entry_of(topic, message.at, message.data) for message in islice(found, ENTRIES_MAX + 1)]
+            found = entries_of(topic, self._recording.messages((topic,), seconds(begin), last))
+            return list(islice(found, ENTRIES_MAX + 1))
 
     # --- what there is to see ---
 
@@ -153,7 +153,7 @@ class RecordedSource:
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""
-        raise RefusedError(f"{order['do']}: this is a recording of a run that is over", 409)
+        raise RequestRefusedError(f"{order['do']}: this is a recording of a run that is over", 409)
 
     async def close(self) -> None:
         """Close the files."""

@@ -374,9 +374,9 @@ def test_port_in_use_and_no_recording_are_told_in_one_sentence(run, tmp_path, ca
     [
         (["--foxglove", "nowhere"], 2, "there is no nowhere"),
         (["--foxglove"], 1, "no lab runs here"),
-        (["--foxglove", "{run}", "--control"], 2, "Foxglove only watches"),
+        (["--foxglove", "{run}", "--control"], 2, "these are about the page"),
         (["--foxglove", "{run}", "--speed", "0"], 2, "--speed"),
-        (["{run}", "--speed", "2"], 2, "--speed is for --foxglove"),
+        (["{run}", "--speed", "2"], 2, "--speed is of a recording in Foxglove"),
     ],
 )
 def test_command_tells_what_foxglove_cannot_do(run, tmp_path, monkeypatch, capsys, words, code, message):
