@@ -339,6 +339,16 @@ def test_run_under_way_is_followed_as_its_files_grow(run, tmp_path):
     assert feed.over
 
 
+def test_history_of_a_run_under_way_is_left_out_except_for_what_is_written_once(run, tmp_path):
+    (tmp_path / "record").mkdir()
+    shutil.copy(run / "run.mcap", tmp_path / "record" / "world.mcap")
+    feed = LiveFeed(tmp_path)
+    shown = [*feed.due(100.0), *feed.due(100.0 + LAG_S)]
+    end = feed.recording.span[1]
+    assert {message.topic for message in shown if message.at < end - 3.1e9} == {"/scene", "/floor"}
+    assert {message.topic for message in shown} >= {"/tf", "/scene", "/floor"}
+
+
 def test_live_run_is_served_to_clients(tmp_path):
     (tmp_path / "record").mkdir()
     writer = RecordWriter(tmp_path / "record" / "world.mcap", about_run("corridor", "processes", 7, (1,), "world"))
