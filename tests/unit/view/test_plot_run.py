@@ -3,6 +3,7 @@
 import builtins
 import io
 import json
+import math
 import re
 import shutil
 from itertools import pairwise
@@ -16,6 +17,7 @@ from rmr.record.recording import Message
 from rmr_sim.main import main as sim_main
 from rmr_view.animation import OCTETS_MAX, animation
 from rmr_view.gif_film import film_of
+from rmr_view.keyframes import HOLD_S, Keyframes
 from rmr_view.plot import main
 from rmr_view.run_data import POSES_MAX, RunData, Track, read_run
 from rmr_view.run_pictures import JOBS_MAX, PICTURES, lateness, radio, trajectories, turns
@@ -270,3 +272,22 @@ def test_pictures_of_a_folder_whose_recording_is_not_joined_yet(run, tmp_path):
     shutil.copy(run / "run.mcap", parts / "world.mcap")
     assert main([str(tmp_path)]) == 0
     assert json.loads((run / "report.json").read_text())["lab"] in (tmp_path / "turns.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("spans", "body"),
+    [
+        ([(2.0, 4.0)], "20%{opacity:1}0%,40%,100%{opacity:0}"),
+        ([(0.0, 4.0)], "0%{opacity:1}40%,100%{opacity:0}"),
+        ([(0.0001, 4.0)], "0%{opacity:1}40%,100%{opacity:0}"),
+        ([(2.0, math.inf)], "20%,100%{opacity:1}0%{opacity:0}"),
+        ([(0.0, math.inf)], "0%,100%{opacity:1}"),
+        ([(2.0, 4.0), (4.0, 5.0)], "20%,40%{opacity:1}0%,50%,100%{opacity:0}"),
+        ([(2.0, 2.0001)], "0%,100%{opacity:0}"),
+    ],
+)
+def test_keyframes_show_an_element_in_its_spans_of_time(spans, body):
+    frames = Keyframes(10.0 - HOLD_S, 1.0)
+    assert ('opacity="0"' in frames.shown(spans)) == (spans[-1][1] < math.inf)
+    step = ";animation-timing-function:step-end"
+    assert f"{{{body}}}" in frames.style().replace(step, "")
