@@ -13,7 +13,9 @@ from xml.etree import ElementTree
 import pytest
 
 from rmr.base.arena import to_data
+from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import Message
+from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
 from rmr_view.animation import OCTETS_MAX, animation
 from rmr_view.gif_film import film_of
@@ -291,3 +293,42 @@ def test_keyframes_show_an_element_in_its_spans_of_time(spans, body):
     assert ('opacity="0"' in frames.shown(spans)) == (spans[-1][1] < math.inf)
     step = ";animation-timing-function:step-end"
     assert f"{{{body}}}" in frames.style().replace(step, "")
+
+
+def write_run(path, floor, *messages):
+    writer = RecordWriter(path, about_run("lab", "simulated", 7, (1,), "sim"))
+    if floor is not None:
+        writer.attach("floor.json", floor)
+    for topic, data in messages:
+        writer.write(topic, 0, data)
+    writer.close()
+    return path
+
+
+@pytest.mark.parametrize("floor", [None, b"{", b"[]", b"{}", b'{"width": 1}', b"[" * 100_000])
+def test_recording_without_a_readable_floor_is_told(tmp_path, capsys, floor):
+    assert main([str(write_run(tmp_path / "x.mcap", floor))]) == 3
+    assert "floor.json" in capsys.readouterr().err
+
+
+def test_damaged_messages_are_left_out_and_counted(tmp_path, capsys, floor):
+    damaged = [
+        ("/trace", {}),
+        ("/trace", {"what": "slotted", "t": "x", "robot": 1, "start_s": 1}),
+        ("/trace", {"what": "job_started", "t": 1.0, "robot": 1}),
+        ("/trace", {"what": ["asks"], "t": 1.0, "robot": 1}),
+        ("/tf", {"transforms": 7}),
+        ("/tf", {"transforms": [pose(1, float("nan"), 0.0)]}),
+        ("/frames", {"start_s": 0.0}),
+        ("/frames", {"start_s": "now", "kind": "hello", "attempt": 0, "outcome": None, "end_s": None}),
+        ("/faults", {"fault": {"at": "soon", "kill": 1}}),
+        ("/faults", {}),
+    ]
+    path = write_run(
+        tmp_path / "x.mcap", json.dumps(floor).encode(), *damaged, ("/tf", {"transforms": [pose(1, 1.0, 1.0)]})
+    )
+    assert main([str(path)]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f"rmr plot: {count} messages of {topic} are damaged and left out"
+        for topic, count in (("/trace", 4), ("/tf", 2), ("/frames", 2), ("/faults", 2))
+    ]
