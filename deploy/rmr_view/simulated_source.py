@@ -24,7 +24,7 @@ from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import FAULT_KEYS, take
 from rmr_view.run_history import RunHistory, Triple
 from rmr_view.run_pacer import RunPacer
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
 from rmr_world.faults import fault_entry
 
 POSE_PERIOD = NS_PER_S // 10
@@ -188,13 +188,13 @@ class SimulatedSource:
         try:
             return await asyncio.wait_for(asyncio.wrap_future(self._pacer.call(question)), 10.0)
         except TimeoutError:
-            raise RefusedError("the run takes more than 10 s for one tick: ask again", 503) from None
+            raise RequestRefusedError("the run takes more than 10 s for one tick: ask again", 503) from None
         except LookupError as error:
             if self._over:
                 return question()
-            raise RefusedError(str(error), 409) from None
+            raise RequestRefusedError(str(error), 409) from None
         except ValueError as error:
-            raise RefusedError(str(error), 409) from None
+            raise RequestRefusedError(str(error), 409) from None
 
     def _present(self, robot: int) -> dict[str, Any]:
         simulated = next(one for one in self._simulation.robots if one.robot == robot)
@@ -217,7 +217,7 @@ class SimulatedSource:
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact, from the recording so far: up to about a second ago."""
         if self._minds is None or self._writer is None:
-            raise RefusedError("an explanation needs the recording: start the run without --no-record", 501)
+            raise RequestRefusedError("an explanation needs the recording: start the run without --no-record", 501)
         if not self._over:
             await self._ask(self._writer.flush)
         return await self._minds.why(robot, fact, t, options)
