@@ -1,15 +1,18 @@
 """Facts over time, folded from a trace of the level FACTS: what a robot held at an instant."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 FIRED_MAX = 50
 """Firings, actions and achieved goals that are listed at most, the newest."""
 
 
-def robot_at(entries: Iterable[dict[str, Any]], robot: int, t: float) -> dict[str, Any]:
-    """Return facts, achieved goals, firings and actions of `robot` at `t`, from the entries of a trace."""
+def robot_at(entries: Iterable[dict[str, Any]], robot: int, t: float, sensed: Collection[str] = ()) -> dict[str, Any]:
+    """Return facts, achieved goals, firings and actions of `robot` at `t`, from the entries of a trace.
+
+    `sensed` are the names of the predicates that robots state by themselves.
+    """
     facts: Counter[str] = Counter()
     fired: list[dict[str, Any]] = []
     achieved: list[list[Any]] = []
@@ -32,8 +35,10 @@ def robot_at(entries: Iterable[dict[str, Any]], robot: int, t: float) -> dict[st
             _end(actions, entry)
         elif what == "fault" and entry["fault"] == "restarted":
             facts.clear()
+    held = sorted(fact for fact, count in facts.items() for _ in range(count))
     return {
-        "facts": sorted(fact for fact, count in facts.items() for _ in range(count)),
+        "facts": [fact for fact in held if fact.partition("(")[0] not in sensed],
+        "sensed": [fact for fact in held if fact.partition("(")[0] in sensed],
         "goals": {"achieved": achieved[-FIRED_MAX:], "open": None},
         "fired": fired[-FIRED_MAX:],
         "actions": actions[-FIRED_MAX:],

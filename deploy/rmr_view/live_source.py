@@ -38,6 +38,8 @@ from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import REPORT_FILE
 
+ABSENT_S = 2.5
+"""A robot that has been absent for so long has not left in order at the end of the run."""
 LOOK_S = 0.5
 """Period with which the run's files are looked at."""
 NOT_RECORDED = "this run was not recorded: trace, radio, logs and facts of robots are missing"
@@ -72,6 +74,8 @@ class LiveSource:
         self._looked = 0.0
         self._clock = "waiting"
         self._dead: set[int] = set()
+        self._vanished: dict[int, tuple[float, float]] = {}
+        """Robots whose liveliness token has gone: lab time, and the monotonic clock, at which it went."""
         self._growing: GrowingRecording | None = None
         self._unread: str | None = None
         """Why the recording cannot be read, yet."""
@@ -106,15 +110,32 @@ class LiveSource:
             self.history.add_poses(max(0.0, in_seconds(body.stamp)), poses)
 
     def _alive(self, key: str, alive: bool) -> None:
-        """Show in the robot's lane that its process has ended, or that another one has taken its place."""
+        """Note that the process of a robot has ended, or that another one has taken its place."""
         robot = last_id(key)
         if robot is None or self._bus is None or not (self._bus.connected and self._clock == "running"):
             return
-        if alive != (robot in self._dead):
+        if not alive:
+            self._vanished[robot] = (self.clock.t, time.monotonic())
             return
-        (self._dead.discard if alive else self._dead.add)(robot)
-        fault = "restarted" if alive else "killed"
-        self.history.add_trace([{"t": self.clock.t, "robot": robot, "what": "fault", "fault": fault}])
+        if robot in self._vanished:
+            self._show_death(robot)
+        if robot in self._dead:
+            self._dead.discard(robot)
+            self._mark(self.clock.t, robot, "restarted")
+
+    def _show_deaths(self) -> None:
+        """Show as dead the robots that have been absent for a while: at the end of a run they leave in order."""
+        late = time.monotonic() - ABSENT_S
+        for robot in [robot for robot, (_, since) in self._vanished.items() if since < late]:
+            self._show_death(robot)
+
+    def _show_death(self, robot: int) -> None:
+        t, _ = self._vanished.pop(robot)
+        self._dead.add(robot)
+        self._mark(t, robot, "killed")
+
+    def _mark(self, t: float, robot: int, fault: str) -> None:
+        self.history.add_trace([{"t": t, "robot": robot, "what": "fault", "fault": fault}])
 
     # --- the files ---
 
@@ -128,6 +149,8 @@ class LiveSource:
         await asyncio.to_thread(self._read)
         if ended:
             await self._end()
+        else:
+            self._show_deaths()
 
     def _read(self) -> None:
         try:
@@ -232,9 +255,17 @@ class LiveSource:
                 await put_request(self._folder, order)
             except RequestError as error:
                 raise RefusedError(str(error), 409) from None
+            self.history.add_fault(self._fault_entry(order))
         else:
             await self._disturb(order)
         return {"done": order["do"]}
+
+    def _fault_entry(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Return an order as the timeline lists it: the launcher records it at the end of the run."""
+        now = round(self.clock.t, 3)
+        if order["do"] == "stall":
+            return {"from": now, "to": round(now + order["for_s"], 3), "stall": order["robot"]}
+        return {"at": now, order["do"]: order["robot"]}
 
     async def _disturb(self, order: Mapping[str, Any]) -> None:
         if self._bus is None:

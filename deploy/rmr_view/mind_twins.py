@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.bytecode.program import Program
+from rmr.base.values import format_fact
+from rmr.bytecode.program import Kind, Program
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.recorded_minds import TOPIC, program_of
 from rmr.node.trace import TraceLevel
 from rmr.record.growing_recording import GrowingRecording
 from rmr.record.recording import RUN_FILE, Recording, open_recording, part_files
+from rmr.vm.machine import Machine
 
 SNAPSHOTS_MAX = 20_000
 """Snapshots of one twin: every second of the older half goes when there are more."""
@@ -31,6 +33,7 @@ class MindSnapshot(NamedTuple):
 
     at: float
     facts: Sequence[str]
+    sensed: Sequence[str]
     goals: Sequence[Any]
 
 
@@ -83,7 +86,9 @@ class MindTwin:
         if changed:
             machine = self._replay.node.machine
             goals = machine.goals()["open"]
-            self._snapshots.append(MindSnapshot(in_seconds(self._replay.now), machine.facts(), goals))
+            self._snapshots.append(
+                MindSnapshot(in_seconds(self._replay.now), machine.facts(), sensed_facts(machine), goals)
+            )
             if len(self._snapshots) > SNAPSHOTS_MAX:
                 half = SNAPSHOTS_MAX // 2
                 self._snapshots[:half] = self._snapshots[:half:2]
@@ -110,16 +115,27 @@ class MindTwin:
     def state(self, t: float) -> dict[str, Any]:
         """Return facts, goals, firings and actions at `t` seconds."""
         index = bisect_right(self._snapshots, t, key=lambda snapshot: snapshot.at) - 1
-        snapshot = self._snapshots[index] if index >= 0 else MindSnapshot(0.0, (), ())
+        snapshot = self._snapshots[index] if index >= 0 else MindSnapshot(0.0, (), (), ())
         fired = self.fired[: bisect_right(self.fired, t, key=lambda one: float(one["t"]))]
         achieved = self.achieved[: bisect_right(self.achieved, t, key=lambda one: float(one[1]))]
         actions = self.actions[: bisect_right(self.actions, t, key=lambda one: float(one["begin_s"]))]
         return {
             "facts": list(snapshot.facts),
+            "sensed": list(snapshot.sensed),
             "goals": {"achieved": achieved[-LISTED_MAX:], "open": list(snapshot.goals)},
             "fired": fired[-LISTED_MAX:],
             "actions": [_as_of(action, t) for action in actions[-LISTED_MAX:]],
         }
+
+
+def sensed_facts(machine: Machine) -> list[str]:
+    """Return the facts that the robot states of itself, such as `at` and `turn`, in program syntax, sorted."""
+    return sorted(
+        format_fact(predicate.name, (machine.robot, *args))
+        for index, predicate in enumerate(machine.program.predicates)
+        if predicate.provided or predicate.kind is Kind.SENSED
+        for args in machine.each(index)
+    )
 
 
 def _as_of(action: dict[str, Any], t: float) -> dict[str, Any]:
@@ -135,6 +151,8 @@ class RobotTwins:
     def __init__(self) -> None:
         self.twins: dict[int, MindTwin] = {}
         self.problem: str | None = None
+        self.complete = False
+        """Whether the whole log of a run that is over has been read."""
         self.read_to: Instant = 0
         self.last: set[tuple[int, bytes]] = set()
         """The batches of the instant `read_to`: it may get more."""
@@ -156,16 +174,28 @@ class MindTwins:
         begun = [epoch for epoch, twin in known.twins.items() if t is None or twin.began_s <= t]
         if not begun:
             problem = known.problem or f"nothing of robot {robot} was recorded by then"
-            return {"facts": [], "goals": {"achieved": [], "open": []}, "fired": [], "actions": [], "problem": problem}
+            return {
+                "facts": [],
+                "sensed": [],
+                "goals": {"achieved": [], "open": []},
+                "fired": [],
+                "actions": [],
+                "problem": problem,
+            }
         epoch = max(begun)
         twin = known.twins[epoch]
         return {**twin.state(in_seconds(NEVER) if t is None else t), "epoch": epoch, "problem": twin.problem}
 
     def _read(self, robot: int, known: RobotTwins) -> None:
-        if isinstance(self._recording, GrowingRecording):
-            self._recording.refresh()
-        elif known.twins or known.problem:
+        recording = self._recording
+        if isinstance(recording, GrowingRecording):
+            recording.refresh()
+        elif not recording.complete:
+            for part in recording.parts:
+                part.scan.extend()
+        elif known.complete:
             return
+        known.complete = recording.complete
         for message in self._recording.messages((TOPIC,), known.read_to):
             if message.data.get("robot") == robot:
                 self._feed(known, message.at, message.data["epoch"], message.data["data"])

@@ -56,7 +56,10 @@ class MindWorker:
     def close(self) -> None:
         """End the process."""
         if self._pool is not None:
+            processes = list(getattr(self._pool, "_processes", {}).values())  # a replay under way is not waited for
             self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
             self._pool = None
 
 
@@ -96,19 +99,12 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
     from rmr.base.time import seconds  # noqa: PLC0415 - the server does not need them
     from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
     from rmr.why.absence import why_not  # noqa: PLC0415
-    from rmr.why.past import Past  # noqa: PLC0415
     from rmr.why.question import WhyError, question  # noqa: PLC0415
-    from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError  # noqa: PLC0415
+    from rmr.why.replayed_histories import UnexplainableError  # noqa: PLC0415
     from rmr.why.why_answer import why  # noqa: PLC0415
-    from rmr_view.mind_twins import opened  # noqa: PLC0415
 
     try:
-        past = _pasts.get(path)
-        if past is None:
-            recording = opened(path)
-            past = Past(ReplayedHistories(recording))
-            if recording.complete:
-                _pasts[path] = past
+        recording, histories, past = _pasts.get(path) or _opened(path)
         asked = question(question_text, past.program, list(past.robots), robot)
         at = None if t is None else seconds(t)
         answer = (
@@ -120,5 +116,19 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
         return {"refused": str(error), "status": 400}
     except (RecordingError, UnexplainableError) as error:
         return {"refused": str(error), "status": 501}
-    told: dict[str, Any] = answer.as_data() | {"problems": list(past.source.problems)}
+    told: dict[str, Any] = answer.as_data() | {"lab": recording.about.lab, "problems": list(histories.problems)}
     return told
+
+
+def _opened(path: Path) -> tuple[Any, Any, Any]:
+    """Return the recording at `path` with its histories; they are kept once it is complete."""
+    from rmr.why.past import Past  # noqa: PLC0415
+    from rmr.why.replayed_histories import ReplayedHistories  # noqa: PLC0415
+    from rmr_view.mind_twins import opened  # noqa: PLC0415
+
+    recording = opened(path)
+    histories = ReplayedHistories(recording)
+    found = recording, histories, Past(histories)
+    if recording.complete:
+        _pasts[path] = found
+    return found

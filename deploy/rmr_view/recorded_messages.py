@@ -8,11 +8,13 @@
 | `/faults` | faults of the timeline |
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
 from rmr.record.foxglove_messages import heading_of
+from rmr.record.recording import Message
 from rmr_view.run_history import RunHistory, Triple
 
 LEVELS = ("", "debug", "info", "warning", "error", "critical")
@@ -31,6 +33,21 @@ def take(history: RunHistory, topic: str, at: Instant, data: Data) -> None:
             function(history, in_seconds(at), data)
         except (KeyError, TypeError, ValueError, AttributeError):
             history.malformed += 1
+
+
+def take_into_timeline(history: RunHistory, at: Instant, data: Data) -> None:
+    """Put an entry of the trace into the timeline alone."""
+    try:
+        history.add_trace([entry_of("/trace", at, data)])
+    except (KeyError, TypeError, ValueError):
+        history.malformed += 1
+
+
+def entries_of(topic: str, messages: Iterable[Message]) -> Iterator[dict[str, Any]]:
+    """Yield messages as entries; those of another form than rmr's are left out."""
+    for message in messages:
+        with suppress(KeyError, TypeError, ValueError):
+            yield entry_of(topic, message.at, message.data)
 
 
 def entry_of(topic: str, at: Instant, data: Data) -> dict[str, Any]:

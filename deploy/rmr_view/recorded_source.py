@@ -17,7 +17,7 @@ from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
 from rmr.record.run_files import FLOOR, PATHS_NAME, REPORT, SOURCE
 from rmr_view.mind_worker import MindWorker
-from rmr_view.recorded_messages import entry_of, take
+from rmr_view.recorded_messages import entries_of, take, take_into_timeline
 from rmr_view.run_history import RunHistory
 from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
 
@@ -64,7 +64,7 @@ class RecordedSource:
         with self._reading:
             for message in self._recording.messages((*KEPT_TOPICS, TIMELINE_TOPIC)):
                 if message.topic == TIMELINE_TOPIC:
-                    self.history.add_trace([entry_of(message.topic, message.at, message.data)])
+                    take_into_timeline(self.history, message.at, message.data)
                 else:
                     take(self.history, message.topic, message.at, message.data)
 
@@ -81,8 +81,8 @@ class RecordedSource:
         topic = f"/{kind}"
         last = seconds(min(end, self._end_s + 1.0)) + 1
         with self._reading:
-            found = self._recording.messages((topic,), seconds(begin), last)
-            return [entry_of(topic, message.at, message.data) for message in islice(found, ENTRIES_MAX + 1)]
+            found = entries_of(topic, self._recording.messages((topic,), seconds(begin), last))
+            return list(islice(found, ENTRIES_MAX + 1))
 
     # --- what there is to see ---
 

@@ -177,8 +177,7 @@ class RunHistory:
         with self._lock:
             self._logs[kind].add(entries)
             if kind == "trace":
-                for entry in entries:
-                    self._timeline.add(entry)
+                self._add_to_timeline(entries)
             elif kind == "routes":
                 for entry in entries:
                     _append(self._routes.setdefault(entry["robot"], []), entry)
@@ -186,7 +185,11 @@ class RunHistory:
     def add_trace(self, entries: Sequence[dict[str, Any]]) -> None:
         """Take in entries of the trace for the timeline alone."""
         with self._lock:
-            for entry in entries:
+            self._add_to_timeline(entries)
+
+    def _add_to_timeline(self, entries: Sequence[dict[str, Any]]) -> None:
+        for entry in entries:
+            if entry["robot"] in self.robots:
                 self._timeline.add(entry)
 
     def add_status(self, t: float, robot: int, status: dict[str, Any]) -> None:

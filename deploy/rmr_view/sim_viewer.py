@@ -1,6 +1,7 @@
 """What `rmr sim LAB --view` does beside the run itself: the server, its address, and the wait at the end."""
 
 import argparse
+import signal
 import socket
 import sys
 import time
@@ -32,9 +33,7 @@ class SimViewer:
     def attach(self, simulation: Simulation, writer: RecordWriter | None) -> None:
         """Start the server and print its address."""
         program = program_of(simulation.lab.program)
-        self._source = SimulatedSource(simulation, self._pacer, program, self._control)
-        if writer is not None:
-            writer.tap = self._source.recorded
+        self._source = SimulatedSource(simulation, self._pacer, program, self._control, writer)
         self._server = PageServer(self._source, self._listener, new_token())
         self._server.start()
         print(f"the page: {self._server.address}", file=sys.stderr, flush=True)
@@ -52,6 +51,7 @@ class SimViewer:
         """Serve what was until Ctrl-C."""
         if self._server is None:
             return
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         with suppress(KeyboardInterrupt):
             print("the run is over; the page stays until Ctrl-C", file=sys.stderr, flush=True)
             while True:

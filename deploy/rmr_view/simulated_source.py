@@ -13,10 +13,14 @@ from typing import Any
 from rmr.base.arena import to_data
 from rmr.base.geometry import Pose
 from rmr.base.time import NEVER, NS_PER_S, Instant, in_seconds, seconds
+from rmr.bytecode.program import Kind
 from rmr.radio.links import Disturbance
+from rmr.record.record_writer import RecordWriter
 from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_view.fact_fold import robot_at
+from rmr_view.mind_twins import sensed_facts
+from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import FAULT_KEYS, take
 from rmr_view.run_history import RunHistory, Triple
 from rmr_view.run_pacer import RunPacer
@@ -37,13 +41,24 @@ class SimulatedSource:
     """One simulated run."""
 
     def __init__(
-        self, simulation: Simulation, pacer: RunPacer, program: Mapping[str, str | None], control: bool
+        self,
+        simulation: Simulation,
+        pacer: RunPacer,
+        program: Mapping[str, str | None],
+        control: bool,
+        writer: RecordWriter | None,
     ) -> None:
-        """`program` is its name and source; `control` says whether faults may be added."""
+        """`program` is its name and source; `control` says whether faults may be added; `writer` is its recording."""
         self._simulation = simulation
         self._pacer = pacer
         self._program = program
         self._control = control
+        predicates = simulation.robots[0].node.machine.program.predicates
+        self._sensed = {each.name for each in predicates if each.provided or each.kind is Kind.SENSED}
+        self._writer = writer
+        self._minds = None if writer is None else MindWorker(writer.path)
+        if writer is not None:
+            writer.tap = self._recorded
         self._report: Mapping[str, Any] | None = None
         self._over = False
         self._entries = 0
@@ -77,7 +92,7 @@ class SimulatedSource:
             self._faults += 1
             self.history.add_fault(_entry(record))
 
-    def recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
+    def _recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
         """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
         if topic in TAPPED:
             take(self.history, topic, at, message)
@@ -151,7 +166,7 @@ class SimulatedSource:
         now = self.clock.t
         if t is not None and t < now - 0.1:
             trace = await asyncio.to_thread(self.history.between, "trace", 0.0, t, 1 << 60)
-            found = await asyncio.to_thread(robot_at, trace, robot, t)
+            found = await asyncio.to_thread(robot_at, trace, robot, t, self._sensed)
             truth, estimate = self.history.pose(robot, t)
             return {
                 "robot": robot,
@@ -162,7 +177,7 @@ class SimulatedSource:
                 "estimate": estimate,
             }
         trace = await asyncio.to_thread(self.history.between, "trace", 0.0, now, 1 << 60)
-        found = await asyncio.to_thread(robot_at, trace, robot, now)
+        found = await asyncio.to_thread(robot_at, trace, robot, now, self._sensed)
         present: dict[str, Any] = await self._ask(lambda: self._present(robot))
         return found | present
 
@@ -192,15 +207,20 @@ class SimulatedSource:
             "t": in_seconds(self._simulation.now),
             "alive": simulated.alive,
             "facts": node.machine.facts(),
+            "sensed": sensed_facts(node.machine),
             "goals": node.machine.goals(),
             "route": None if route is None else [list(point) for point in route.points[:ROUTE_MAX]],
             "pose": tuple(self._simulation.world.pose(robot)),
             "estimate": None if pose is None else tuple(pose),
         }
 
-    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:  # noqa: ARG002
-        """Refuse: an explanation needs a recording."""
-        raise RefusedError(f"why {fact!r:.60} of robot {robot}: this run has no recording to explain it from", 501)
+    async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
+        """Return the explanation of a fact, from the recording so far: up to about a second ago."""
+        if self._minds is None or self._writer is None:
+            raise RefusedError("an explanation needs the recording: start the run without --no-record", 501)
+        if not self._over:
+            await self._ask(self._writer.flush)
+        return await self._minds.why(robot, fact, t, options)
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Steer time at once; add a fault between two ticks."""
@@ -243,6 +263,8 @@ class SimulatedSource:
     async def close(self) -> None:
         """Let the run go on without waiting."""
         self._pacer.stop()
+        if self._minds is not None:
+            self._minds.close()
 
 
 def _triple(pose: Pose) -> Triple:

@@ -1,6 +1,7 @@
 """`rmr view [RUN]`: finds the run, and serves its page until Ctrl-C."""
 
 import os
+import signal
 import socket
 import sys
 import time
@@ -42,6 +43,7 @@ def perform(path: Path | None, port: int | None, control: bool, leave: float | N
         return ExitCode.FAILED
     token = os.environ.get(TOKEN_VARIABLE) or new_token() if control else None
     server = PageServer(source, sock, token)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     server.start()
     if listener is None:
         print(f"the page: {server.address}", flush=True)

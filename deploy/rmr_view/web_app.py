@@ -28,6 +28,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from rmr.base.mistake import words
 from rmr_view.access_guard import TOKEN_HEADER, AccessGuard
 from rmr_view.broadcast import Broadcast
 from rmr_view.control_order import STEERING, checked_order
@@ -76,6 +77,8 @@ def told(function: Handler) -> Handler:
             return await function(request)
         except RefusedError as error:
             return answer({"error": str(error)}, error.status)
+        except Exception as error:  # ours: the client gets a sentence, and the others go on
+            return answer({"error": f"the page's server failed at this request: {words(error)}"}, 500)
 
     return handler
 
