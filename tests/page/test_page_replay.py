@@ -33,7 +33,7 @@ def test_map_moves_while_playing_and_stands_while_paused(over, visit):
 def test_slider_shows_the_poses_of_its_instant(page, over):
     for t in (3.0, 12.34, 19.9, 0.0):
         page.seek(t)
-        told = until(lambda: page.robots(), "robots")
+        told = until(page.robots, "robots")
         for robot, pose in told.items():
             low, high = (over.source.history.pose(robot, round(at, 3))[0] for at in (t + 1e-6, t + 0.1))
             assert min(low[0], high[0]) - 1e-3 <= pose["x"] <= max(low[0], high[0]) + 1e-3
@@ -164,8 +164,9 @@ def test_focus_is_visible_and_reaches_every_control(page):
     for _ in range(60):
         page.press("Tab")
         focus = page.ask(
-            "() => { const e = document.activeElement; const s = getComputedStyle(e); return [e.getAttribute('aria-label')"
-            " || e.textContent.trim() || e.tagName, s.outlineStyle, parseFloat(s.outlineWidth)]; }"
+            "() => { const e = document.activeElement; const s = getComputedStyle(e); return ["
+            "e.getAttribute('aria-label') || e.textContent.trim() || e.tagName,"
+            "s.outlineStyle, parseFloat(s.outlineWidth)]; }"
         )
         if focus[0].startswith("Loading") or page.ask("() => document.activeElement === document.body"):
             break
