@@ -107,7 +107,7 @@ def test_missed_deadline_has_a_shape_and_words(recordings, visit):
     missed = until(lambda: page.ask("() => window.__rmr.missed"), "missed deadlines")
     assert f"✕ {missed} missed" in page.page.locator(".tally").inner_text()
     assert page.page.locator(".bad", has_text="late").count() >= 1
-    page.page.reload()
+    page.close()
     shown.close()
 
 

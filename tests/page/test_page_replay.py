@@ -55,11 +55,13 @@ def test_click_on_a_robot_shows_its_facts_of_that_instant(page):
     page.click_robot(3)
     until(lambda: page.state("selected") == 3, "robot 3 is chosen")
     facts = page.page.locator(".facts .fact code")
-    until(lambda: "waiting(@3)" in facts.all_inner_texts(), "its facts")
-    assert "turn(@3, crossing, 4)" in facts.all_inner_texts()
-    assert "lineup(@3, entry, 4)" in page.page.locator("#panel").inner_text()
+    until(lambda: facts.all_inner_texts() == ["!due(@3, 30.0)", "waiting(@3)"], "its facts")
+    panel = page.page.locator("#panel")
+    assert "lineup(@3, entry, 4)" in panel.inner_text()
+    assert "corridor.rmr:21" in panel.inner_text()
     page.seek(0.01)
-    until(lambda: "turn(@3, crossing, 4)" not in facts.all_inner_texts(), "the facts of the begin")
+    until(lambda: "lineup(@3, entry, 4)" not in panel.inner_text(), "what it knew and did at the begin")
+    assert "corridor.rmr:21" not in panel.inner_text()
 
 
 def test_rule_that_fired_leads_to_its_line_of_the_program(page):
