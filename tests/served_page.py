@@ -10,7 +10,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from rmr_view.page_server import PageServer, bind
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock
 
 TOKEN = "a-token-of-the-tests"
 ROBOTS = (1, 2, 3)
@@ -54,7 +54,7 @@ class FilledSource:
 
     async def why(self, robot, fact, t, options):
         if fact == "nix(@1)":
-            raise RefusedError("the program knows no fact `nix`")
+            raise RequestRefusedError("the program knows no fact `nix`")
         self.asked.append((robot, fact, t, options))
         return {"question": fact}
 

@@ -45,7 +45,8 @@ def _perform(**options: Any) -> int:
     return perform(**options)
 
 
-def _command() -> "Command":
+def why_command() -> "Command":
+    """Return the command."""
     from rmr.entry.command_line import Command
 
     return Command(ABOUT, _declare, _perform)
@@ -53,7 +54,7 @@ def _command() -> "Command":
 
 def main() -> None:
     """Run `rmr why`; ends the process."""
-    sys.exit(run("rmr why", lambda: _command().main(name="rmr why")))
+    sys.exit(run("rmr why", lambda: why_command().main(name="rmr why")))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Recording, open_recording
-from rmr.why.absence import AbsenceAnswer, why_not
+from rmr.why.absence import why_not
+from rmr.why.absence_tree import AbsenceAnswer
 from rmr.why.past import Past
 from rmr.why.question import WhyError, question
 from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
@@ -84,9 +85,15 @@ def _answer(
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
+    if asked.owner is not None and not past.minds(asked.owner):
+        raise UnexplainableError("; ".join(histories.problems) or f"what robot {asked.owner} did was not recorded")
+    if not recording.complete and asked.owner is not None:
+        histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
     if not recording.complete:
-        answer.notes.append(f"the recording is not complete: the run is known until {seconds_text(past.known_until)}")
+        whose = "the run" if asked.owner is None else f"robot {asked.owner}"
+        until = seconds_text(past.known_until)
+        answer.notes.append(f"the recording has not been finished: {whose} is known until {until}")
     if as_json:
         print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
         return ExitCode.OK

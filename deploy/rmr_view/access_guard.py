@@ -3,6 +3,7 @@
 The server listens on loopback, which every program of the machine can reach, the browser included, and with it every
 web page that is open in it.
 
+- *User*: the client must belong to the user who serves the page (`peer_owner`).
 - *Host* must be a loopback name with the server's port. Against DNS rebinding: a hostile name that is resolved to
   127.0.0.1 arrives with that name as its Host.
 - *Origin*, where there is one, must be the page's own. Against other pages: requests across origins carry theirs, and
@@ -13,6 +14,8 @@ web page that is open in it.
 import hmac
 from collections.abc import Iterable
 from secrets import token_urlsafe
+
+from rmr_view.peer_owner import is_stranger
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names under which the page may be opened."""
@@ -29,11 +32,17 @@ class AccessGuard:
 
     def __init__(self, port: int, token: str | None) -> None:
         """`port` is the server's; without `token` all orders are refused."""
+        self._port = port
         self._hosts = frozenset(f"{name}:{port}" for name in LOOPBACK) | (frozenset(LOOPBACK) if port == 80 else set())
         self._token = token
 
-    def refusal(self, headers: Iterable[tuple[bytes, bytes]]) -> str | None:
-        """Return why a request or a WebSocket with these headers is refused; None if it is not."""
+    def refusal(self, headers: Iterable[tuple[bytes, bytes]], client: tuple[str, int] | None = None) -> str | None:
+        """Return why a request or a WebSocket with these headers is refused; None if it is not.
+
+        `client` is its address and port.
+        """
+        if client is not None and is_stranger(*client, self._port):
+            return "this page belongs to another user of this machine"
         told = {name: value.decode("latin-1") for name, value in headers}
         host = told.get(b"host", "")
         if host not in self._hosts:

@@ -15,7 +15,7 @@
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from rmr_view.run_source import RefusedError
+from rmr_view.run_source import RequestRefusedError
 
 SPEED_MIN = 0.1
 SPEED_MAX = 100.0
@@ -74,25 +74,25 @@ ORDERS: dict[str, tuple[dict[str, Check], dict[str, Check]]] = {
 
 
 def checked_order(body: Any, robots: Collection[int]) -> Mapping[str, Any]:
-    """Return `body` as an order. Raises RefusedError with what is wrong and what to write."""
+    """Return `body` as an order. Raises RequestRefusedError with what is wrong and what to write."""
     if not isinstance(body, dict) or not isinstance(body.get("do"), str):
-        raise RefusedError('an order is a JSON object with the key "do"')
+        raise RequestRefusedError('an order is a JSON object with the key "do"')
     do = body["do"]
     if do not in ORDERS:
-        raise RefusedError(f"unknown order {do!r:.40}; known are {', '.join(ORDERS)}")
+        raise RequestRefusedError(f"unknown order {do!r:.40}; known are {', '.join(ORDERS)}")
     required, optional = ORDERS[do]
     fields = required | optional
     for name in body:
         if name != "do" and name not in fields:
-            raise RefusedError(f"{do}: unknown field {name!r:.40}")
+            raise RequestRefusedError(f"{do}: unknown field {name!r:.40}")
     for name in required:
         if name not in body:
-            raise RefusedError(f"{do}: the field {name!r} is missing")
+            raise RequestRefusedError(f"{do}: the field {name!r} is missing")
     order = {"do": do}
     for name, check in fields.items():
         if name in body:
             try:
                 order[name] = check(body[name], robots)
             except ValueError as error:
-                raise RefusedError(f"{do}: {name}: write {error}") from None
+                raise RequestRefusedError(f"{do}: {name}: write {error}") from None
     return order

@@ -33,7 +33,7 @@ from rmr_view.mind_worker import MindWorker
 from rmr_view.program_text import program_of
 from rmr_view.recorded_messages import take
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
 from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import REPORT_FILE
@@ -258,7 +258,7 @@ class LiveSource:
             try:
                 await put_request(self._folder, order)
             except RequestError as error:
-                raise RefusedError(str(error), 409) from None
+                raise RequestRefusedError(str(error), 409) from None
             self.history.add_fault(self._fault_entry(order))
         else:
             await self._disturb(order)
@@ -273,14 +273,14 @@ class LiveSource:
 
     async def _disturb(self, order: Mapping[str, Any]) -> None:
         if self._bus is None:
-            raise RefusedError("the world of this run does not answer", 503)
+            raise RequestRefusedError("the world of this run does not answer", 503)
         question = wire.AskDisturbances(*disturbance_of(order))
         try:
             told = await ask_world(self._bus, self._keys, question, endpoint_of(self._folder) or "")
         except FaultError as error:
-            raise RefusedError(str(error), 503) from None
+            raise RequestRefusedError(str(error), 503) from None
         if told.refused:
-            raise RefusedError(told.refused, 409)
+            raise RequestRefusedError(told.refused, 409)
 
 
 def disturbance_of(order: Mapping[str, Any]) -> tuple[str, Disturbance | None]:

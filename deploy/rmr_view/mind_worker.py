@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.entry.workers import end_with_parent
-from rmr_view.run_source import RefusedError, WhyOptions
+from rmr_view.run_source import RequestRefusedError, WhyOptions
 
 PATIENCE_S = 120.0
 """Limit for one answer: replay takes about a hundredth of the run's time per robot."""
@@ -30,11 +30,11 @@ class MindWorker:
         self._pool: ProcessPoolExecutor | None = None
 
     async def state(self, robot: int, t: float | None) -> dict[str, Any]:
-        """Return what `robot` knew and did at `t`. Raises RefusedError."""
+        """Return what `robot` knew and did at `t`. Raises RequestRefusedError."""
         return await self._run(_state, robot, t)
 
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
-        """Return the explanation of a fact of `robot` as of `t`. Raises RefusedError."""
+        """Return the explanation of a fact of `robot` as of `t`. Raises RequestRefusedError."""
         return await self._run(_why, robot, fact, t, options)
 
     async def _run(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
@@ -46,11 +46,11 @@ class MindWorker:
             found = await asyncio.wait_for(answer, PATIENCE_S)
         except BrokenProcessPool:
             self.close()
-            raise RefusedError("the process that replays robots has died: ask again", 503) from None
+            raise RequestRefusedError("the process that replays robots has died: ask again", 503) from None
         except TimeoutError:
-            raise RefusedError(f"the replay takes more than {PATIENCE_S:g} s: ask again", 503) from None
+            raise RequestRefusedError(f"the replay takes more than {PATIENCE_S:g} s: ask again", 503) from None
         if "refused" in found:
-            raise RefusedError(found["refused"], found["status"])
+            raise RequestRefusedError(found["refused"], found["status"])
         return dict(found)
 
     def close(self) -> None:

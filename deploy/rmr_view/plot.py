@@ -24,25 +24,33 @@ def command() -> "Command":
     """Return the command."""
     from rmr.entry.command_line import Command
 
-    return Command("Draw figures of experiments as SVG.", _declare, _plot)
+    return Command("Draw pictures of a run, or figures of experiments, as SVG.", _declare, _plot)
 
 
 def _declare(parser: "Parser") -> None:
+    from rmr.entry.command_line import real
+
     parser.positional(
         "names",
-        "NAME",
+        "NAME|RUN",
         read=str,
         count="*",
-        usage="[NAME...]",
-        help="a figure; without any, the known ones are listed",
+        usage="[NAME...|RUN]",
+        help="a figure, or a run: its folder or a recording (.mcap); without any, the known figures are listed",
     )
     parser.flag("--all", dest="every", help="every figure that there are data for")
     parser.option("--data", read=Path, default=DATA, metavar="DIR", help="the data")
-    parser.option("-o", "--output", read=Path, metavar="DIR", help="for the figures (default: beside the data)")
+    parser.option(
+        "-o", "--output", read=Path, metavar="DIR", help="for the pictures (default: beside the data, or in RUN)"
+    )
+    parser.option("--animate", read=Path, metavar="FILE", help="write RUN as an animation, FILE.svg or FILE.gif")
+    parser.option(
+        "--speed", read=real(0.01, 1000), metavar="X", help="lab time over time of --animate (default: 15 s at most)"
+    )
 
 
 def _plot(**options: Any) -> int:
-    """Draw figures; return the exit code."""
+    """Draw figures or pictures of a run; return the exit code."""
     from rmr_view.plot_command import perform
 
     return perform(**options)

@@ -1,4 +1,4 @@
-"""`rmr plot NAME`: figures of experiments, drawn from their data.
+"""`rmr plot`: figures of experiments, drawn from their data, and pictures of a run (`run_plot`).
 
 The data files of `docs/evaluation`, or of another folder, are named after their figures. Nothing is measured here: what
 a figure shows stands in its file, and `make paper` renews that.
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from rmr.entry import ExitCode
-from rmr.entry.command_line import did_you_mean
+from rmr.entry.command_line import CommandLineError, did_you_mean
 from rmr_view.chart import ChartError, figures_in, read
 
 NO_MATPLOTLIB = "rmr plot: matplotlib is not installed; install it into this environment: pip install 'rmr[plot]'"
@@ -16,8 +16,17 @@ NO_MATPLOTLIB = "rmr plot: matplotlib is not installed; install it into this env
 BROKEN_MATPLOTLIB = "rmr plot: matplotlib cannot be loaded; install it anew: pip install --force-reinstall matplotlib"
 
 
-def perform(names: list[str], every: bool, data: Path, output: Path | None) -> int:
-    """Draw the figures `names`, or `every` one; without any list those known. Return the exit code."""
+def perform(
+    names: list[str], every: bool, data: Path, output: Path | None, animate: Path | None, speed: float | None
+) -> int:
+    """Draw a run, the figures `names`, or `every` one; without any list those known. Return the exit code."""
+    runs = [name for name in names if _is_run(name) and not (data / f"{name}.json").is_file()]
+    if runs or animate is not None:
+        if len(runs) != 1 or len(names) != 1 or every:
+            raise CommandLineError("name one RUN, its folder or recording" + (", for --animate" if animate else ""))
+        from rmr_view.run_plot import perform_run  # noqa: PLC0415 - figures need no recordings
+
+        return perform_run(Path(runs[0]), output, animate, speed)
     try:
         return _run(names, every, data, data if output is None else output)
     except ChartError as error:
@@ -26,6 +35,12 @@ def perform(names: list[str], every: bool, data: Path, output: Path | None) -> i
     except OSError as error:
         print(f"rmr plot: {error}", file=sys.stderr)
         return ExitCode.USAGE
+
+
+def _is_run(name: str) -> bool:
+    """Return whether `name` names a run rather than a figure: a folder that exists, a path, or a recording."""
+    path = Path(name)
+    return path.suffix == ".mcap" or path.name != name or path.is_dir()
 
 
 def _run(asked: list[str], every: bool, data: Path, output: Path) -> int:

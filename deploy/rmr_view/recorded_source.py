@@ -19,7 +19,7 @@ from rmr.record.run_files import FLOOR, PATHS_NAME, REPORT, SOURCE
 from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import entries_of, take, take_into_timeline
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunClock, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
 
 KEPT_TOPICS = ("/tf", "/tf_estimates", "/routes", "/status", "/faults")
 """Channels that are read once and kept."""
@@ -153,7 +153,7 @@ class RecordedSource:
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""
-        raise RefusedError(f"{order['do']}: this is a recording of a run that is over", 409)
+        raise RequestRefusedError(f"{order['do']}: this is a recording of a run that is over", 409)
 
     async def close(self) -> None:
         """Close the files."""

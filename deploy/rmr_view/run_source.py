@@ -13,7 +13,7 @@ ENTRIES_MAX = 5_000
 """Entries of one answer at most."""
 
 
-class RefusedError(Exception):
+class RequestRefusedError(Exception):
     """A request that cannot be granted: one sentence for a person, and the HTTP status."""
 
     def __init__(self, message: str, status: int = 400) -> None:
@@ -83,13 +83,13 @@ class RunSource(Protocol):
         """
 
     async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
-        """Return what a robot knew and did at `t` (None: now). Raises RefusedError."""
+        """Return what a robot knew and did at `t` (None: now). Raises RequestRefusedError."""
 
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
-        """Return the explanation of a fact. Raises RefusedError."""
+        """Return the explanation of a fact. Raises RequestRefusedError."""
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        """Carry out a checked order of `rmr_view.control_order`. Raises RefusedError."""
+        """Carry out a checked order of `rmr_view.control_order`. Raises RequestRefusedError."""
 
     async def close(self) -> None:
         """Let go of files, threads and processes."""

@@ -165,6 +165,9 @@ class TurnIntervals:
         lane.name(entry["event"])
 
     def _job_started(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        before = _newest(lane, entry["job"])
+        if before is not None and before["finish_s"] is None and before["met"] is None:
+            lane.deadlines.remove(before)  # started anew, with a new deadline
         job = {"job": entry["job"], "begin_s": now, "deadline_s": entry["deadline_s"], "finish_s": None, "met": None}
         lane.deadlines.append(job)
 

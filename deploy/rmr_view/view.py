@@ -33,11 +33,19 @@ def _declare(parser: "Parser") -> None:
     parser.option(
         "--leave", read=real(0), metavar="SECONDS", help="end so long after the run is over and the last page is closed"
     )
+    parser.flag("--foxglove", help="serve Foxglove or Lichtblick (a WebSocket) instead of the page")
+    parser.option("--speed", read=real(0.1, 100), metavar="X", help="of a recording in Foxglove (default: 1)")
     parser.option("--listener", read=whole(0), metavar="FD", help="a listening socket, instead of a port")
 
 
 def _view(**options: Any) -> int:
     """Serve the page; return the exit code."""
+    from rmr.entry.command_line import CommandLineError
+
+    if not options["foxglove"] and options["speed"] is not None:
+        raise CommandLineError("--speed is of a recording in Foxglove: ask for it with --foxglove")
+    if options["foxglove"] and (options["control"] or options["leave"] is not None or options["listener"] is not None):
+        raise CommandLineError("--foxglove goes without --control, --leave and --listener: these are about the page")
     from rmr_view.view_command import perform
 
     return perform(**options)

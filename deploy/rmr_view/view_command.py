@@ -12,6 +12,7 @@ from rmr.entry import ExitCode
 from rmr_deploy.active_runs import PROCESSES_FILE, newest_run, under_way
 from rmr_deploy.page_start import TOKEN_VARIABLE
 from rmr_view.access_guard import new_token
+from rmr_view.foxglove_server import serve_foxglove
 from rmr_view.live_source import LiveSource, lab_in
 from rmr_view.page_server import PageServer, PageServerError, bind
 from rmr_view.recorded_source import RecordedSource, RecordingError
@@ -30,9 +31,20 @@ class NoRunError(Exception):
         self.exit_code = exit_code
 
 
-def perform(path: Path | None, port: int | None, control: bool, leave: float | None, listener: int | None) -> int:
-    """Serve the page of a run; return the exit code."""
+def perform(
+    path: Path | None,
+    port: int | None,
+    control: bool,
+    leave: float | None,
+    foxglove: bool,
+    speed: float | None,
+    listener: int | None,
+) -> int:
+    """Serve the page of a run, or `foxglove`; return the exit code."""
     try:
+        path = find_run(path)
+        if foxglove:
+            return serve_foxglove(path, live=is_live(path), port=port, speed=speed or 1.0)
         source = find_source(path, control)
         sock = bind(port or 0) if listener is None else socket.socket(fileno=listener)
     except NoRunError as error:
@@ -64,8 +76,8 @@ def _wait(server: PageServer, source: RunSource, leave_s: float | None) -> None:
             return
 
 
-def find_source(path: Path | None, control: bool) -> RunSource:
-    """Return the source of the run that is named, or of the newest one under way. Raises NoRunError."""
+def find_run(path: Path | None) -> Path:
+    """Return the run that is named, or the newest one under way. Raises NoRunError."""
     if path is None:
         path = newest_run(Path("runs"))
         if path is None:
@@ -73,7 +85,17 @@ def find_source(path: Path | None, control: bool) -> RunSource:
             raise NoRunError(message, ExitCode.FAILED)
     if not path.exists():
         raise NoRunError(f"there is no {path}", ExitCode.USAGE)
-    if (path / PROCESSES_FILE).is_file() and under_way(path):
+    return path
+
+
+def is_live(path: Path) -> bool:
+    """Return whether the run in `path` goes on."""
+    return (path / PROCESSES_FILE).is_file() and under_way(path)
+
+
+def find_source(path: Path, control: bool) -> RunSource:
+    """Return the source of a run. Raises NoRunError."""
+    if is_live(path):
         return _live(path, control)
     if control:
         raise NoRunError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)

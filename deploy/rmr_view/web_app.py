@@ -34,7 +34,7 @@ from rmr_view.broadcast import Broadcast
 from rmr_view.control_order import STEERING, checked_order
 from rmr_view.json_text import json_text
 from rmr_view.page_client import PageClient
-from rmr_view.run_source import ENTRIES_MAX, RefusedError, RunSource, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunSource, WhyOptions
 
 PAGE = Path(__file__).with_name("page")
 """The files of the page."""
@@ -70,12 +70,12 @@ def answer(value: Any, status: int = 200) -> Response:
 
 
 def told(function: Handler) -> Handler:
-    """Return a handler that answers a RefusedError with its status and its sentence."""
+    """Return a handler that answers a RequestRefusedError with its status and its sentence."""
 
     async def handler(request: Request) -> Response:
         try:
             return await function(request)
-        except RefusedError as error:
+        except RequestRefusedError as error:
             return answer({"error": str(error)}, error.status)
         except Exception as error:  # ours: the client gets a sentence, and the others go on
             return answer({"error": f"the page's server failed at this request: {words(error)}"}, 500)
@@ -95,7 +95,7 @@ class PageGuard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        refusal = self._guard.refusal(scope["headers"])
+        refusal = self._guard.refusal(scope["headers"], scope.get("client"))
         if refusal is None:
             await self._app(scope, receive, _with_headers(send))
         elif scope["type"] == "http":
@@ -177,26 +177,26 @@ class RunRoutes:
         reject_unknown(request, ("robot", "fact", "t", "not", "depth", "more"))
         fact = request.query_params.get("fact", "").strip()
         if not fact or len(fact) > FACT_MAX:
-            raise RefusedError(f"fact: write a fact, such as at(@4, exit), of {FACT_MAX} characters at most")
+            raise RequestRefusedError(f"fact: write a fact, such as at(@4, exit), of {FACT_MAX} characters at most")
         robot = self._known_robot(request.query_params.get("robot", ""))
         return answer(await self._source.why(robot, fact, instant_of(request, "t"), why_options(request)))
 
     def _known_robot(self, text: str) -> int:
         robot = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else None
         if robot not in self._source.history.robots:
-            raise RefusedError(f"there is no robot {text!r:.20} in this run", 404 if robot is not None else 400)
+            raise RequestRefusedError(f"there is no robot {text!r:.20} in this run", 404 if robot is not None else 400)
         assert robot is not None
         return robot
 
     async def _control(self, request: Request) -> Response:
         if refusal := self._guard.order_refusal(request.headers.get(TOKEN_HEADER)):
-            raise RefusedError(refusal, 403)
+            raise RequestRefusedError(refusal, 403)
         order = checked_order(await _body(request), self._source.history.robots)
         about = self._source.about()
         if order["do"] in STEERING and not about["steer"]:
-            raise RefusedError(f"{order['do']}: only the time of a simulated run can be steered", 409)
+            raise RequestRefusedError(f"{order['do']}: only the time of a simulated run can be steered", 409)
         if order["do"] not in STEERING and not about["control"]:
-            raise RefusedError(f"{order['do']}: faults need a run that goes on, and a page with --control", 403)
+            raise RequestRefusedError(f"{order['do']}: faults need a run that goes on, and a page with --control", 403)
         return answer(await self._source.control(order))
 
     async def _follow(self, websocket: WebSocket) -> None:
@@ -231,26 +231,26 @@ async def _body(request: Request) -> Any:
     async for chunk in request.stream():
         octets += chunk
         if len(octets) > BODY_MAX:
-            raise RefusedError(f"an order is {BODY_MAX} octets at most", 413)
+            raise RequestRefusedError(f"an order is {BODY_MAX} octets at most", 413)
     try:
         return json.loads(octets)
     except (ValueError, RecursionError):
-        raise RefusedError("the order is no JSON") from None
+        raise RequestRefusedError("the order is no JSON") from None
 
 
 def reject_unknown(request: Request, known: tuple[str, ...]) -> None:
-    """Raise RefusedError for a query with another name than `known`, or one that comes twice."""
+    """Raise RequestRefusedError for a query with another name than `known`, or one that comes twice."""
     names = [name for name, _ in request.query_params.multi_items()]
     for name in names:
         if name not in known:
             allowed = f"known are {', '.join(known)}" if known else "this route has none"
-            raise RefusedError(f"unknown parameter {name!r:.40}; {allowed}")
+            raise RequestRefusedError(f"unknown parameter {name!r:.40}; {allowed}")
         if names.count(name) > 1:
-            raise RefusedError(f"{name}: write it once")
+            raise RequestRefusedError(f"{name}: write it once")
 
 
 def instant_of(request: Request, name: str) -> float | None:
-    """Return the instant of a query in seconds; None without one. Raises RefusedError."""
+    """Return the instant of a query in seconds; None without one. Raises RequestRefusedError."""
     text = request.query_params.get(name)
     if text is None:
         return None
@@ -259,32 +259,32 @@ def instant_of(request: Request, name: str) -> float | None:
     except ValueError:
         value = -1.0
     if not (isfinite(value) and value >= 0.0):
-        raise RefusedError(f"{name}: write seconds of lab time from 0 on, such as 12.5, not {text!r:.40}")
+        raise RequestRefusedError(f"{name}: write seconds of lab time from 0 on, such as 12.5, not {text!r:.40}")
     return value
 
 
 def why_options(request: Request) -> WhyOptions:
-    """Return how a fact is to be explained. Raises RefusedError."""
+    """Return how a fact is to be explained. Raises RequestRefusedError."""
     query = request.query_params
     absent = query.get("not", "0")
     depth = query.get("depth", "3")
     more = query.get("more")
     if absent not in {"0", "1"}:
-        raise RefusedError("not: write 1, or leave it out")
+        raise RequestRefusedError("not: write 1, or leave it out")
     if not (depth.isascii() and depth.isdecimal() and len(depth) < 4 and int(depth) <= DEPTH_MAX):
-        raise RefusedError(f"depth: write a whole number from 0 to {DEPTH_MAX}")
+        raise RequestRefusedError(f"depth: write a whole number from 0 to {DEPTH_MAX}")
     if more is not None and not MORE.fullmatch(more):
-        raise RefusedError("more: write the number at which an answer was cut, such as 17 or 3.17")
+        raise RequestRefusedError("more: write the number at which an answer was cut, such as 17 or 3.17")
     return WhyOptions(absent == "1", int(depth), more)
 
 
 def window(request: Request) -> tuple[float, float]:
-    """Return begin and end of a query in seconds. Raises RefusedError."""
+    """Return begin and end of a query in seconds. Raises RequestRefusedError."""
     reject_unknown(request, ("begin", "end"))
     begin = instant_of(request, "begin")
     end = instant_of(request, "end")
     if begin is not None and end is not None and begin > end:
-        raise RefusedError("begin comes after end: write the earlier instant as begin")
+        raise RequestRefusedError("begin comes after end: write the earlier instant as begin")
     return begin or 0.0, 1e12 if end is None else end
 
 

@@ -22,6 +22,8 @@ COMMANDS: dict[str, str] = {
     "explain": "Explain an error or a warning.",
     "fmt": "Bring programs into canonical layout.",
     "radio": "Try what the radio will carry.",
+    "record": "Join, recover and list recordings of runs.",
+    "replay": "Execute the recorded minds of a run anew and check them.",
 }
 """The language's own subcommands, each the `command` of its module, and their summaries."""
 
@@ -33,7 +35,7 @@ PROGRAMS: dict[str, str] = {
     "new": "Write a lab of your own that runs at once.",
     "lab": "Check, draw, list and copy labs; the schema of the lab file.",
     "view": "Show a run in the browser, while it goes on or afterwards.",
-    "plot": "Draw figures of experiments.",
+    "plot": "Draw pictures of a run, or figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",
 }

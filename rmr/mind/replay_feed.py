@@ -5,6 +5,7 @@ from typing import Any, Final
 from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
 from rmr.mind import mind_format as form
+from rmr.mind.mind_log import MindLog
 from rmr.mind.mind_reader import Operation
 from rmr.node.executive import FRAME_BUDGET
 from rmr.node.ports import Confirmed, Received, Sensed
@@ -19,6 +20,10 @@ class ReplayFeed:
         self._next = 0
         self._asks = 0
         self._refused: Received | None = None
+        self.log: MindLog | None = None
+        """The log of the replay itself."""
+        self.actions = 0
+        """Actions of users that have begun."""
         self._offered: tuple[tuple[int, float], ...] = ()
 
     def begin(self, inputs: list[Operation]) -> None:
@@ -39,6 +44,27 @@ class ReplayFeed:
         if value is not None:
             self._next += 1
         return value
+
+    def acted(self, action: int, codes: tuple[str, ...] = ()) -> Any:
+        """Return the next step of the handler of `action`, of one of `codes` if there are any, and log it again.
+
+        Return None if the next input is another one.
+        """
+        step = self.peek(form.ACTED)
+        if step is None or step[1] != action or (codes and step[0] not in codes):
+            return None
+        assert self.log is not None
+        self.log.again(self._inputs[self._next].octets)
+        self._next += 1
+        return step
+
+    def nested(self, event: int) -> Any:
+        """Return (predicate, arguments) of the next fact that the witness inserted at this event; None if none."""
+        fact = self.peek(form.NESTED)
+        if fact is None or fact[0] != event:
+            return None
+        self._next += 1
+        return fact[1:]
 
     def offer(self) -> Received:
         """Return the frame that is overheard."""

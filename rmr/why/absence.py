@@ -8,68 +8,24 @@ there. What was never there is followed in the same way, down to a depth (negati
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Final
 
-from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.base.values import Robot, Value
-from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Guard, Kind, Mode, Slot
+from rmr.base.time import NEVER, Instant
+from rmr.bytecode.program import Kind
 from rmr.vm.derive import DerivedKind
-from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.provenance import DeliveredCause, FiringCause, FiringRecord
-from rmr.why.explain import DEPTH, SENSES, Explainer, stages
+from rmr.vm.provenance import DeliveredCause, FiringCause
+from rmr.why.absence_tree import AbsenceAnswer, AbsenceNode
+from rmr.why.explain import DEPTH, SENSES, stages
 from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastSend
-from rmr.why.partial_match import PartialMatch, PartialSearch, Verdict, bound_by, matched
 from rmr.why.past import Past
 from rmr.why.question import Question
-from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
-from rmr.why.sources import EffectSource, RuleSource, effect_sources, may_be_sent, rule_sources
+from rmr.why.rule_words import item_text, rule_name, seconds_text
+from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
+from rmr.why.unsatisfied_rules import NEAR_SHOWN, UnsatisfiedRules
 from rmr.why.why_answer import goal_agrees, removal
 
-ROBOTS_SHOWN: Final = 3
-"""Robots shown of those that could fire a rule for another one: those that came nearest."""
-NEAR_SHOWN: Final = 3
-"""Other facts of the predicate that are shown for a missing one."""
-
-
-@dataclass(slots=True)
-class AbsenceNode:
-    """A reason, and the reasons for it."""
-
-    kind: str
-    """``absent``, ``held``, ``rule``, ``satisfied``, ``missing``, ``blocked``, ``false``, ``undecided``, ``action``,
-    ``message``, ``sensor``, ``step`` or ``note``."""
-    text: str
-    children: list["AbsenceNode"] = field(default_factory=list)
-    place: tuple[str, int, int] | None = None
-    """Of a rule: file, line, column."""
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the tree for JSON."""
-        where = None if self.place is None else dict(zip(("file", "line", "column"), self.place, strict=True))
-        return {"kind": self.kind, "text": self.text, "place": where, "children": [c.as_data() for c in self.children]}
-
-
-@dataclass(slots=True)
-class AbsenceAnswer:
-    """The answer to a question why not."""
-
-    question: str
-    at: Instant
-    known_until: Instant
-    trees: list[AbsenceNode]
-    notes: list[str]
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the answer for JSON."""
-        return {
-            "question": self.question,
-            "at_s": in_seconds(self.at),
-            "known_until_s": in_seconds(self.known_until),
-            "absent": [tree.as_data() for tree in self.trees],
-            "notes": self.notes,
-        }
+ACTIONS_SHOWN: Final = 3
+"""Actions shown of one robot, the newest ones."""
 
 
 def why_not(past: Past, asked: Question, at: Instant | None = None, depth: int = DEPTH) -> AbsenceAnswer:
@@ -84,14 +40,6 @@ def why_not(past: Past, asked: Question, at: Instant | None = None, depth: int =
     return answer
 
 
-class _Attempt(NamedTuple):
-    """How far a robot came with a rule."""
-
-    mind: MindIndex
-    source: RuleSource
-    match: PartialMatch
-
-
 class AbsenceFinder:
     """Finds the reasons for one answer."""
 
@@ -100,6 +48,7 @@ class AbsenceFinder:
         self._program = past.program
         self._now = now
         self._seen: set[str] = set()
+        self._rules = UnsatisfiedRules(past, now, self.reasons)
 
     # -- one fact -----------------------------------------------------------------------------------------------------
 
@@ -118,6 +67,10 @@ class AbsenceFinder:
         if not node.children:
             node.children.append(AbsenceNode("note", self._no_source(asked)))
         return node
+
+    def reasons(self, asked: Question, depth: int) -> list[AbsenceNode]:
+        """Return why a fact does not hold, unless the answer says so already."""
+        return [] if asked.text(self._program) in self._seen else self.absent(asked, depth).children
 
     def _history(self, asked: Question, mind: MindIndex, text: str) -> AbsenceNode:
         """Return whether and until when it held."""
@@ -164,7 +117,7 @@ class AbsenceFinder:
         for source in effect_sources(self._program, asked):
             found += self._by_action(source, depth)
         for rule in rule_sources(self._program, asked):
-            found += self._by_rule(asked, rule, depth)
+            found += self._rules.attempts(asked, rule, depth)
         predicate = self._program.predicates[asked.predicate]
         if predicate.kind is Kind.SENSED:
             found.append(AbsenceNode("sensor", self._sensor(asked)))
@@ -254,15 +207,18 @@ class AbsenceFinder:
             mind = self._past.mind_at(robot, self._now)
             if mind is None:
                 continue
-            for action in self._actions(mind, wanted.of(robot))[-ROBOTS_SHOWN:]:
+            for action in self._actions(mind, wanted.of(robot))[-ACTIONS_SHOWN:]:
                 any_derived = True
                 text = item_text(self._program, action.predicate, action.executor, action.args)
                 yield AbsenceNode("action", f"it is the {effect} of action {text}: {self._stages(action)}")
         if not any_derived and source.ok:
             text = item_text(self._program, source.action, source.executor, source.args)
             node = AbsenceNode("action", f"it is the effect of action {text}, which was never derived")
-            if depth > 0 and source.executor is not None:
-                node.children = self.absent(wanted, depth - 1).children
+            derivable = [robot for robot in executors if rule_sources(self._program, wanted.of(robot))]
+            for robot in derivable[:ACTIONS_SHOWN] if depth > 0 else ():
+                node.children += self.reasons(wanted.of(robot), depth - 1)
+            if not derivable:
+                node.children.append(AbsenceNode("note", "no rule derives that action"))
             yield node
 
     def _actions(self, mind: MindIndex, wanted: Question) -> list[PastAction]:
@@ -275,6 +231,19 @@ class AbsenceFinder:
             and wanted.matches(action.executor, action.args)
         ]
 
+    def _order(self, action: PastAction) -> str:
+        """Return the schedule that an action waits for, the robots before its own."""
+        mind = self._past.mind_at(action.executor, self._now)
+        known = [] if mind is None else [event for at, event in mind.schedule_log if at <= self._now]
+        fits = [event for event in known if action.executor in event.order]
+        if not fits:
+            return ", without a place in a schedule yet"
+        order = fits[-1].order
+        place = order.index(action.executor)
+        before = ", ".join(f"@{robot}" for robot in order[:place])
+        behind = f" behind {before}" if before else ""
+        return f", as number {place + 1} of the schedule of leader @{fits[-1].leader}{behind}"
+
     def _stages(self, action: PastAction) -> str:
         """Return how far an action had come, as of the instant of the question."""
         held = action.held is not None and action.held <= self._now
@@ -284,177 +253,8 @@ class AbsenceFinder:
         if begun:
             return f"began {seconds_text(action.begun or 0)} and is under way"
         if held:
-            return f"waits for its turn of {action.group} since {seconds_text(action.held or 0)}"
+            return f"waits for its turn of {action.group} since {seconds_text(action.held or 0)}{self._order(action)}"
         return f"waits for the wheels since {seconds_text(action.at)}"
-
-    # -- rules --------------------------------------------------------------------------------------------------------
-
-    def _by_rule(self, asked: Question, source: RuleSource, depth: int) -> list[AbsenceNode]:
-        """Return how far the robots came that could fire the rule for it."""
-        home = source.env[0]
-        minds = self._past.all_minds(self._now) if home is None else iter(self._one(home))
-        attempts = [_Attempt(mind, source, self._match(mind, source)) for mind in minds]
-        attempts.sort(key=lambda each: -each.match.satisfied)
-        shown = [self._attempt(asked, each, depth) for each in attempts[:ROBOTS_SHOWN]]
-        if len(attempts) > ROBOTS_SHOWN:
-            shown.append(
-                AbsenceNode("note", f"{len(attempts) - ROBOTS_SHOWN} more robots came no nearer with that rule")
-            )
-        return shown
-
-    def _one(self, robot: Value) -> list[MindIndex]:
-        assert isinstance(robot, Robot)
-        mind = self._past.mind_at(robot, self._now)
-        return [] if mind is None else [mind]
-
-    def _match(self, mind: MindIndex, source: RuleSource) -> PartialMatch:
-        env: list[Value | None] = list(source.env)
-        env[0] = Robot(mind.robot)
-        return PartialSearch(source.body, partial(self._holding, mind), env, self._now).best
-
-    def _holding(self, mind: MindIndex, predicate: int) -> list[PastFact]:
-        return mind.held(predicate, self._now)
-
-    def _attempt(self, asked: Question, attempt: _Attempt, depth: int) -> AbsenceNode:
-        mind, source, match = attempt
-        name = rule_name(self._program, source.rule)
-        place = rule_place_of(self._program, source.rule)
-        whose = "" if mind.robot == asked.owner else f" on robot {mind.robot}"
-        node = AbsenceNode("rule", "", place=None if place is None else (place.file, place.line, place.column))
-        fired = self._last_firing(asked, mind, source)
-        if fired is not None:
-            node.children.append(AbsenceNode("note", f"it fired last {seconds_text(fired.at)} (firing {fired.number})"))
-        if match.complete:
-            node.text = f"{name}{whose}: its body is satisfied"
-            node.children.append(AbsenceNode("note", self._not_fired(mind, source, match)))
-            return node
-        node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
-        words = [
-            conjunct_text(self._program, conjunct, mind.robot, match.env)
-            for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
-            if verdict.holds
-        ]
-        if words:
-            node.children.append(AbsenceNode("satisfied", f"satisfied: {', '.join(words)}"))
-        for conjunct, verdict in zip(source.body, match.verdicts, strict=True):
-            if not verdict.holds:
-                node.children.append(self._unsatisfied(attempt, conjunct, verdict, depth))
-        return node
-
-    def _last_firing(self, asked: Question, mind: MindIndex, source: RuleSource) -> FiringRecord | None:
-        for record in reversed(mind.firings.values()):
-            if record.rule == source.rule and record.at <= self._now:
-                for origin in record.derived:
-                    for item in origin.chain:
-                        if item.predicate == asked.predicate and asked.matches(int(item.owner), item.args):
-                            return record
-        return None
-
-    def _not_fired(self, mind: MindIndex, source: RuleSource, match: PartialMatch) -> str:
-        """Return why a satisfied rule did not fire, or brought nothing that holds."""
-        env: list[Value] = list(match.env)  # type: ignore[arg-type]
-        try:
-            for code in (source.item.owner, *source.item.args):
-                evaluate(code, env, self._now)
-        except NoValue as reason:
-            return f"its head has no value: {reason}"
-        serials = tuple([verdict.fact.serial for verdict in match.verdicts[: source.outer] if verdict.fact is not None])
-        for record in reversed(mind.firings.values()):
-            if record.rule == source.rule and record.matched == serials and record.at <= self._now:
-                when = seconds_text(record.at)
-                return (
-                    f"it has fired for these very facts, {when} (firing {record.number}), and fires once for each match"
-                )
-        last = next((each for each in reversed(mind.firings.values()) if each.at <= self._now), None)
-        if last is None:
-            return f"it has not fired by {seconds_text(self._now)}"
-        rank = "" if last.rank is None else f", which leads to a goal (rank {last.rank})"
-        other = rule_name(self._program, last.rule)
-        return f"it has not fired by {seconds_text(self._now)}; the last firing was {last.number}, {other}{rank}"
-
-    # -- conjuncts ----------------------------------------------------------------------------------------------------
-
-    def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: Verdict, depth: int) -> AbsenceNode:
-        mind, _, match = attempt
-        text = conjunct_text(self._program, conjunct, mind.robot, match.env)
-        if verdict.holds is None:
-            return AbsenceNode("undecided", f"not decided: {text}")
-        if isinstance(conjunct, Guard | Bind):
-            why = f" (no value: {verdict.reason})" if verdict.reason else ""
-            return AbsenceNode("false", f"false: {text}{why}")
-        if conjunct.mode is Mode.ABSENT:
-            assert verdict.fact is not None
-            blocking = self._words(mind, verdict.fact)
-            because = Explainer(self._past, mind.robot).because(mind, verdict.fact).words
-            since = seconds_text(verdict.fact.at)
-            return AbsenceNode("blocked", f"in the way: {blocking} holds since {since}, {because}")
-        return self._missing(attempt, conjunct, depth)
-
-    def _missing(self, attempt: _Attempt, atom: Atom, depth: int) -> AbsenceNode:
-        """Return why no fact matches an atom."""
-        mind, source, match = attempt
-        text = atom_text(self._program, atom, mind.robot, match.env)
-        env = list(match.env)
-        past = [f for f in mind.by_predicate[atom.predicate] if f.at <= self._now and matched(atom, f, env) is not None]
-        if any(fact.held_at(self._now) for fact in past):
-            return AbsenceNode("missing", f"missing: {text}: another condition needs the only such fact")
-        if past:
-            return AbsenceNode("missing", f"missing: {text}{self._gone(mind, source, past[-1])}")
-        node = AbsenceNode("missing", f"missing: {text} never held{self._instead(mind, atom)}")
-        elsewhere = self._elsewhere(mind, atom, env)
-        if elsewhere:
-            node.children.append(AbsenceNode("note", elsewhere))
-        if depth > 0:
-            args = tuple([_pattern(each, match.env) for each in atom.args])
-            asked = Question(atom.predicate, False, False, mind.robot, args)
-            node.children += (
-                self.absent(asked, depth - 1).children if asked.text(self._program) not in self._seen else []
-            )
-        return node
-
-    def _gone(self, mind: MindIndex, source: RuleSource, fact: PastFact) -> str:
-        """Return what has removed a fact, and why that came before the rule."""
-        words = (
-            f" held from {seconds_text(fact.at)} until {seconds_text(fact.until)}: {removal(self._past, mind, fact)}"
-        )
-        if not isinstance(fact.removal, FiringCause):
-            return words
-        record = mind.firings[fact.removal.number]
-        if record.rule == source.rule:
-            return words + ", this rule"
-        for rival in record.rivals:
-            if rival.rule == source.rule:
-                return f"{words}; this rule was satisfied then, too: {self._preferred(record, rival.rank)}"
-        return words
-
-    def _preferred(self, record: FiringRecord, rank: int | None) -> str:
-        """Return why a firing came before a rule that was satisfied as well, with `rank`."""
-        if record.rank == rank:
-            textual = self._program.strategy.name == "TEXTUAL"
-            return "the other one stands before it (order textual)" if textual else "the other one was drawn by chance"
-        goal = ", ".join(item_text(self._program, predicate, None, args) for predicate, args in record.goals)
-        here = "no open goal follows from this one" if rank is None else f"this one has rank {rank}"
-        return f"the other one leads to an open goal ({goal}; rank {record.rank}), {here}"
-
-    def _instead(self, mind: MindIndex, atom: Atom) -> str:
-        held = mind.held(atom.predicate, self._now)[-NEAR_SHOWN:]
-        return f"; there is {', '.join(self._words(mind, fact) for fact in held)}" if held else ""
-
-    def _elsewhere(self, mind: MindIndex, atom: Atom, env: list[Value | None]) -> str:
-        """Return which other robots hold the fact; rules read those of their own robot alone."""
-        if self._program.predicates[atom.predicate].provided:
-            return ""
-        holders = []
-        for other in self._past.all_minds(self._now):
-            if other.robot != mind.robot:
-                held = other.held(atom.predicate, self._now)
-                if any(bound_by(atom.args, fact.args, env) is not None for fact in held):
-                    holders.append(other.robot)
-        if not holders:
-            return ""
-        robots = ", ".join(f"@{robot}" for robot in holders[:NEAR_SHOWN])
-        more = "" if len(holders) <= NEAR_SHOWN else f" and {len(holders) - NEAR_SHOWN} more"
-        return f"{robots}{more} holds such a fact: a rule reads only the facts of its own robot"
 
     # -- words --------------------------------------------------------------------------------------------------------
 
@@ -463,11 +263,3 @@ class AbsenceFinder:
 
     def _words(self, mind: MindIndex, fact: PastFact) -> str:
         return item_text(self._program, fact.predicate, mind.robot, fact.args)
-
-
-def _pattern(pattern: object, env: tuple[Value | None, ...]) -> Any:
-    """Return a pattern of a body with the values that are known; what is unknown matches anything."""
-    if isinstance(pattern, Slot):
-        value = env[pattern.index]
-        return ANY if value is None else Constant(value)
-    return pattern

@@ -131,7 +131,8 @@ class Explainer:
             case PastAction():
                 return f"{because.words}; {stages(item)}"
             case PastSend():
-                return f"sent to @{item.destination} {because.words}{fate(item)}"
+                comma = "" if because.word == "rule" else ","
+                return f"sent to @{item.destination}{comma} {because.words}{fate(item)}"
             case PastGoal() if item.achieved is not None:
                 return f"{because.words}; achieved {seconds_text(item.achieved)}"
             case _:
@@ -224,8 +225,8 @@ class Explainer:
             for action in reversed(mind.actions.values()):
                 name = self._program.predicates[action.predicate].name
                 if name == BROADCAST and action.begun is not None and action.begun <= item.at:
-                    return Because("sensed", f"{words} of @{source}", [Premise(mind, action)])
-        return Because("sensed", f"{words} of @{source}", [])
+                    return Because("sensed", f"{words} of @{int(source)}", [Premise(mind, action)])
+        return Because("sensed", f"{words} of @{int(source)}", [])
 
     def _delivered(self, mind: MindIndex, item: PastItem, cause: DeliveredCause) -> Because:
         found = self._past.sender(cause, mind.robot, item.at)

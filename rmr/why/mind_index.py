@@ -143,6 +143,7 @@ class MindIndex:
         self.sends: list[PastSend] = []
         self.goals: list[PastGoal] = []
         self.jobs: dict[int, PastJob] = {}
+        self.schedule_log: list[tuple[Instant, ScheduleChanged]] = []
         self._schedules: dict[bytes, ScheduleChanged] = {}
         self._slot: bytes | None = None
         self.schedules: dict[int, ScheduleChanged] = {}
@@ -256,6 +257,7 @@ class MindIndex:
                 self._delivered(at, stage, peer, epoch, sequence)
             case ScheduleChanged():
                 self._schedules[event.group_id] = event
+                self.schedule_log.append((at, event))
             case SlotAssigned(group_id=group_id):
                 self._slot = group_id
             case JobStarted(job):

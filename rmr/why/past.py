@@ -59,6 +59,11 @@ class Past:
                 return mind, mind.items[number - mind.first_number]
         return None
 
+    def near(self, count: int) -> list[int]:
+        """Return the robots whose minds are known already, and others up to `count` in all."""
+        known = [robot for robot in self.robots if robot in self._minds]
+        return known + [robot for robot in self.robots if robot not in self._minds][: max(0, count - len(known))]
+
     def all_minds(self, now: Instant) -> Iterator[MindIndex]:
         """Yield the present incarnation of each robot."""
         for robot in self.robots:

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from rmr.base.printable import one_line
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT, Constant, Kind, Pattern, Program
 from rmr.lang.fact_text import FactError, fact_pattern
@@ -27,11 +28,6 @@ class Question(NamedTuple):
     def matches(self, owner: int, args: tuple[Value, ...]) -> bool:
         """Return whether the fact or action of `owner` is meant."""
         return self.owner in (None, owner) and pattern_agrees(self.args, args, (Robot(owner),))
-
-    @property
-    def concrete(self) -> bool:
-        """Whether one fact alone is meant."""
-        return self.owner is not None and all(isinstance(each, Constant) for each in self.of(self.owner).args)
 
     def of(self, robot: int) -> "Question":
         """Return the question about `robot`."""
@@ -77,5 +73,4 @@ def robots_text(robots: list[int]) -> str:
 
 
 def _short(text: str) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= 80 else text[:77] + "..."
+    return one_line(text.strip(), 80)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from rmr.why.absence import AbsenceAnswer, AbsenceNode
+from rmr.why.absence_tree import AbsenceAnswer, AbsenceNode
 from rmr.why.rule_words import seconds_text
 from rmr.why.why_answer import WhyAnswer
 from rmr.why.why_tree import WhyNode

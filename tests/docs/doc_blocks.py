@@ -17,6 +17,7 @@ from command_runner import invoke
 from rmr.commands.subcommands import PROGRAMS
 from rmr.commands.subcommands import command as main
 from rmr.entry.command_line import Runnable
+from rmr_deploy.why_program import why_command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as simulate
@@ -72,6 +73,8 @@ def printed(command: str) -> str:
         return "".join(Path(each).read_text("utf-8") for each in arguments)
     if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
         return _simulated(arguments[1:])
+    if arguments[:1] == ["why"]:  # likewise
+        return _invoked(why_command(), arguments[1:])
     if arguments[:1] == ["new"]:  # likewise
         return _invoked(new, arguments[1:])
     if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab: `rmr lab check`

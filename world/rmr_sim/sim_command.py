@@ -32,6 +32,7 @@ from rmr_sim.seed_run import Row, fails, row_of
 from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
+from rmr_sim.sweep_histogram import histogram_lines
 from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, lines_of, summary_of
 from rmr_sim.violation import CONTACT
@@ -240,7 +241,8 @@ def _sweep(
     command = command_of(arguments)
     text = json.dumps(sweep.document(command), indent=1, sort_keys=True)
     written = _sum_up(folder, text)
-    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *failing_lines(sweep.rows, command)]
+    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *histogram_lines(sweep.rows, out)]
+    lines += failing_lines(sweep.rows, command)
     if not written:
         lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in sweep.rows)]
     print(text if arguments.json else "\n".join(lines), file=out)

@@ -284,20 +284,14 @@ class Dispatcher:
             if isinstance(pause, Pause):
                 running.pause = pause
             else:
-                self._end(now, running, NOT_ASYNCIO.format(_kind_of(pause)))
+                self._end(now, running, NOT_ASYNCIO.format(kind_of(pause)))
 
     def _fail(self, now: Instant, running: RunningAction, error: BaseException) -> None:
-        """End an action by what its handler has raised; all but ActionFailed is a mistake, told with its place."""
-        if isinstance(error, ActionFailed):
-            self._end(now, running, str(error) or "failed")
-            return
-        file = _file_of(running.handler)
-        running.raised = frames(error, file)
-        if isinstance(error, RuntimeError) and str(error) == NO_LOOP:
-            self._end(now, running, NOT_ASYNCIO.format("asyncio"))
-            return
-        where = place_in(error, file)
-        self._end(now, running, f"{words(error)} ({where})" if where else words(error))
+        """End an action by what its handler has raised."""
+        failure, raised = failure_of(error, running.handler)
+        if raised:
+            running.raised = raised
+        self._end(now, running, failure)
 
     def _end(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         self.running.remove(running)
@@ -333,6 +327,21 @@ class Dispatcher:
                 self._resume(now, running)
 
 
+def failure_of(error: BaseException, handler: Handler) -> tuple[str, tuple[str, ...]]:
+    """Return why an action fails whose handler has raised `error`, and the lines of the traceback.
+
+    Everything but ActionFailed is a mistake in the handler, reported with its place.
+    """
+    if isinstance(error, ActionFailed):
+        return str(error) or "failed", ()
+    file = _file_of(handler)
+    raised = frames(error, file)
+    if isinstance(error, RuntimeError) and str(error) == NO_LOOP:
+        return NOT_ASYNCIO.format("asyncio"), raised
+    where = place_in(error, file)
+    return f"{words(error)} ({where})" if where else words(error), raised
+
+
 def _closed(coroutine: Generator[object, None, None], failure: str) -> str:
     """Break off a suspended coroutine; return why it failed, and what went wrong on its way out, if anything did."""
     try:
@@ -350,8 +359,8 @@ def _file_of(handler: Handler) -> str:
     return "" if code is None else str(code.co_filename)
 
 
-def _kind_of(awaited: object) -> str:
-    """Return what an action has awaited in words; a future of asyncio, and its `sleep(0)`, are asyncio's."""
+def kind_of(awaited: object) -> str:
+    """Return what an action has awaited, in words; a future of asyncio, and its `sleep(0)`, are asyncio's."""
     if awaited is None or hasattr(awaited, "_asyncio_future_blocking"):
         return "asyncio"
     return type(awaited).__name__

@@ -135,7 +135,7 @@ def test_request_reaches_the_launcher_and_its_refusal_the_asker(tmp_path):
     seen = []
     asyncio.run(asked(tmp_path, {"do": "kill", "robot": 3}, lambda request: seen.append(request) or ""))
     assert seen == [{"do": "kill", "robot": 3}]
-    with pytest.raises(RequestError, match="^robot 3 is dead already$"):
+    with pytest.raises(RequestError, match=r"^robot 3 is dead already$"):
         asyncio.run(asked(tmp_path, {"do": "kill", "robot": 3}, lambda _: "robot 3 is dead already"))
     assert list((tmp_path / REQUESTS_FOLDER).iterdir()) == []
     end_requests(tmp_path)

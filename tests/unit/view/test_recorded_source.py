@@ -7,7 +7,7 @@ import pytest
 from command_runner import invoke
 from served_page import heard, served
 
-from rmr_deploy.why_program import _command as why_command
+from rmr_deploy.why_program import why_command
 from rmr_sim.main import command as sim
 from rmr_view.recorded_source import RecordedSource
 from rmr_world.provided_labs import labs_folder

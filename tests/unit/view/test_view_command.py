@@ -80,3 +80,13 @@ def test_ctrl_c_ends_the_page_of_a_recording_in_order(tmp_path):
         assert page.wait(20) == 0
         assert page.stderr is not None
         assert page.stderr.read() == ""
+
+
+@pytest.mark.parametrize("words", [["--speed", "2"], ["--foxglove", "--control"], ["--foxglove", "--leave", "3"]])
+def test_options_of_page_and_foxglove_that_do_not_go_together_are_wrong_usage(words):
+    assert view(*words)[0] == 2
+
+
+def test_foxglove_of_what_is_no_recording_is_invalid(tmp_path):
+    code, said = view(tmp_path, "--foxglove")
+    assert (code, said.count("\n")) == (3, 1)

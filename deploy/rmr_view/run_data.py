@@ -1,0 +1,123 @@
+"""What the pictures of a run show, read from its recording once, from begin to end.
+
+The recording may be gigabytes long, so poses are thinned out and frames are summed up while they are read.
+"""
+
+import json
+import math
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rmr.base.time import in_seconds
+from rmr.record.mcap_scan import RecordingError
+from rmr.record.recording import Message, Recording
+from rmr_view.radio_load import RadioLoad
+from rmr_view.turn_intervals import TurnIntervals
+
+TOPICS = ("/tf", "/trace", "/frames", "/faults")
+"""The channels that pictures need."""
+POSES_MAX = 20_000
+"""Poses kept of each robot; of more every second one is dropped, and so on."""
+
+
+class Track:
+    """Where one robot was: columns of seconds, metres, metres and radians."""
+
+    def __init__(self) -> None:
+        self.t = array("d")
+        self.x = array("d")
+        self.y = array("d")
+        self.heading = array("d")
+        self._stride = 1
+        self._seen = 0
+
+    def add(self, t: float, x: float, y: float, heading: float) -> None:
+        """Append a pose."""
+        self._seen += 1
+        if (self._seen - 1) % self._stride:
+            return
+        for column, value in zip(self._columns(), (t, x, y, heading), strict=True):
+            column.append(value)
+        if len(self.t) > POSES_MAX:
+            self._stride *= 2
+            for column in self._columns():
+                column[:] = column[::2]
+
+    def _columns(self) -> tuple["array[float]", ...]:
+        return self.t, self.x, self.y, self.heading
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(slots=True)
+class RunData:
+    """What is drawn of a run."""
+
+    lab: str
+    mode: str
+    seed: int
+    floor: Mapping[str, Any]
+    """The arena, as `rmr.base.arena.to_data` returns it."""
+    robots: tuple[int, ...] = ()
+    end_s: float = 0.0
+    """The last instant of the recording."""
+    tracks: dict[int, Track] = field(default_factory=dict)
+    timeline: dict[str, Any] = field(default_factory=dict)
+    """Turns, deadlines, leaders and faults: see `rmr_view.turn_intervals`."""
+    radio: RadioLoad = field(default_factory=RadioLoad)
+
+    @property
+    def jobs(self) -> list[dict[str, Any]]:
+        """All deadlines of all robots, with the key `robot`, by deadline."""
+        every = [{"robot": lane["robot"], **job} for lane in self.timeline["lanes"] for job in lane["deadlines"]]
+        return sorted(every, key=lambda job: (job["deadline_s"], job["robot"]))
+
+    @property
+    def title(self) -> str:
+        """The run in a few words."""
+        how = "simulated" if self.mode == "simulated" else "processes"
+        return f"{self.lab}: {len(self.robots)} robots, {how}, seed {self.seed}"
+
+
+def run_data(recording: Recording) -> RunData:
+    """Return what is drawn of a run. Raises RecordingError when the recording holds no floor."""
+    floor = recording.attachment("floor.json")
+    if floor is None:
+        raise RecordingError("the recording holds no floor (floor.json): the file of the world is missing, or damaged")
+    about = recording.about
+    data = RunData(about.lab, about.mode, about.seed, json.loads(floor), about.roster)
+    return read_run(data, recording.messages(TOPICS))
+
+
+def read_run(data: RunData, messages: Iterable[Message]) -> RunData:
+    """Fill `data`, which has lab, floor and roster, from the messages of its recording; return it."""
+    turns = TurnIntervals(data.robots)
+    last = 0
+    for message in messages:
+        last = max(last, message.at)
+        if message.topic == "/tf":
+            for robot, *pose in poses(message.data):
+                data.tracks.setdefault(robot, Track()).add(in_seconds(message.at), *pose)
+        elif message.topic == "/trace":
+            turns.add(message.data)
+        elif message.topic == "/frames":
+            data.radio.add(in_seconds(message.at), message.data)
+        elif message.topic == "/faults":
+            turns.add_fault(message.data["fault"])
+    data.end_s = in_seconds(last)
+    data.timeline = turns.timeline(data.end_s)
+    data.robots = tuple(lane["robot"] for lane in data.timeline["lanes"])
+    return data
+
+
+def poses(transforms: Mapping[str, Any]) -> Iterator[tuple[int, float, float, float]]:
+    """Yield robot, x, y and heading of each robot in a message of `/tf`."""
+    for each in transforms["transforms"]:
+        kind, _, robot = each["child_frame_id"].partition("/")
+        if kind == "robot" and robot.isdigit():
+            where = each["translation"]
+            turned = each["rotation"]
+            yield int(robot), where["x"], where["y"], 2.0 * math.atan2(turned["z"], turned["w"])

@@ -1,0 +1,231 @@
+"""How far the robots came with a rule: the satisfied part of its body, and what was missing or in the way.
+
+The longest satisfied part is looked for in the facts that hold at the instant of the question. For each conjunct that
+is missing there is a reason: consumed by which firing, blocked by which fact, never there.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+from rmr.base.time import Instant
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Guard, Mode, Slot, Strategy
+from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.provenance import FiringCause, FiringRecord
+from rmr.why.absence_tree import AbsenceNode
+from rmr.why.explain import Explainer
+from rmr.why.mind_index import MindIndex, PastFact
+from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
+from rmr.why.past import Past
+from rmr.why.question import Question
+from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
+from rmr.why.sources import RuleSource
+from rmr.why.why_answer import removal
+
+ROBOTS_SHOWN: Final = 3
+"""Robots shown of those that could fire a rule for another one: those that came nearest."""
+OTHERS_MAX: Final = 12
+"""Robots among which a missing fact is looked for; each has to be replayed first."""
+NEAR_SHOWN: Final = 3
+"""Other facts of the predicate, and other robots, that are shown for a missing fact."""
+
+
+class _Attempt(NamedTuple):
+    """How far a robot came with a rule."""
+
+    mind: MindIndex
+    source: RuleSource
+    match: PartialMatch
+
+
+class UnsatisfiedRules:
+    """Finds the reasons why rules did not bring about what is asked for, as of one instant."""
+
+    def __init__(self, past: Past, now: Instant, follow: Callable[[Question, int], list[AbsenceNode]]) -> None:
+        """`follow` returns the reasons why a fact that never held did not, down to a depth."""
+        self._past = past
+        self._program = past.program
+        self._now = now
+        self._follow = follow
+
+    def attempts(self, asked: Question, source: RuleSource, depth: int) -> list[AbsenceNode]:
+        """Return how far the robots came that could fire the rule for it."""
+        home = source.env[0]
+        minds = self._past.all_minds(self._now) if home is None else iter(self._one(home))
+        attempts = [_Attempt(mind, source, self._match(mind, source)) for mind in minds]
+        attempts.sort(key=lambda each: -each.match.satisfied)
+        shown = [self._attempt(asked, each, depth) for each in attempts[:ROBOTS_SHOWN]]
+        if len(attempts) > ROBOTS_SHOWN:
+            shown.append(
+                AbsenceNode("note", f"{len(attempts) - ROBOTS_SHOWN} more robots came no nearer with that rule")
+            )
+        return shown
+
+    def _one(self, robot: Value) -> list[MindIndex]:
+        assert isinstance(robot, Robot)
+        mind = self._past.mind_at(robot, self._now)
+        return [] if mind is None else [mind]
+
+    def _match(self, mind: MindIndex, source: RuleSource) -> PartialMatch:
+        env: list[Value | None] = list(source.env)
+        env[0] = Robot(mind.robot)
+        return PartialSearch(source.body, partial(self._holding, mind), env, self._now).best
+
+    def _holding(self, mind: MindIndex, predicate: int) -> list[PastFact]:
+        return mind.held(predicate, self._now)
+
+    def _attempt(self, asked: Question, attempt: _Attempt, depth: int) -> AbsenceNode:
+        mind, source, match = attempt
+        name = rule_name(self._program, source.rule)
+        place = rule_place_of(self._program, source.rule)
+        whose = "" if source.here else f" on robot {mind.robot}"
+        node = AbsenceNode("rule", "", place=None if place is None else (place.file, place.line, place.column))
+        fired = self._last_firing(asked, mind, source)
+        if fired is not None:
+            when = f"{seconds_text(fired.at)} (firing {fired.number})"
+            if not source.here:  # what became of the message is said beside
+                node.text = f"{name}{whose} fired for it last {when}"
+                return node
+            node.children.append(AbsenceNode("note", f"it fired last {when}"))
+        if match.complete:
+            node.text = f"{name}{whose}: its body is satisfied"
+            node.children.append(AbsenceNode("note", self._not_fired(mind, source, match)))
+            return node
+        node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
+        words = [
+            conjunct_text(self._program, conjunct, mind.robot, match.env)
+            for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
+            if verdict.holds
+        ]
+        if words:
+            node.children.append(AbsenceNode("satisfied", f"satisfied: {', '.join(words)}"))
+        for conjunct, verdict in zip(source.body, match.verdicts, strict=True):
+            if not verdict.holds:
+                node.children.append(self._unsatisfied(attempt, conjunct, verdict, depth))
+        return node
+
+    def _last_firing(self, asked: Question, mind: MindIndex, source: RuleSource) -> FiringRecord | None:
+        for record in reversed(mind.firings.values()):
+            if record.rule == source.rule and record.at <= self._now:
+                for origin in record.derived:
+                    for item in origin.chain:
+                        if item.predicate == asked.predicate and asked.matches(int(item.owner), item.args):
+                            return record
+        return None
+
+    def _not_fired(self, mind: MindIndex, source: RuleSource, match: PartialMatch) -> str:
+        """Return why a satisfied rule did not fire, or brought nothing that holds."""
+        env: list[Value] = list(match.env)  # type: ignore[arg-type]
+        try:
+            for code in (source.item.owner, *source.item.args):
+                evaluate(code, env, self._now)
+        except NoValue as reason:
+            return f"its head has no value: {reason}"
+        serials = tuple([verdict.fact.serial for verdict in match.verdicts[: source.outer] if verdict.fact is not None])
+        for record in reversed(mind.firings.values()):
+            if record.rule == source.rule and record.matched == serials and record.at <= self._now:
+                when = seconds_text(record.at)
+                return (
+                    f"it has fired for these very facts, {when} (firing {record.number}), and fires once for each match"
+                )
+        last = next((each for each in reversed(mind.firings.values()) if each.at <= self._now), None)
+        if last is None:
+            return f"it has not fired by {seconds_text(self._now)}"
+        rank = "" if last.rank is None else f", which leads to a goal (rank {last.rank})"
+        other = rule_name(self._program, last.rule)
+        return f"it has not fired by {seconds_text(self._now)}; the last firing was {last.number}, {other}{rank}"
+
+    # -- conjuncts ----------------------------------------------------------------------------------------------------
+
+    def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: ConjunctVerdict, depth: int) -> AbsenceNode:
+        mind, _, match = attempt
+        text = conjunct_text(self._program, conjunct, mind.robot, match.env)
+        if verdict.holds is None:
+            return AbsenceNode("undecided", f"not decided: {text}")
+        if isinstance(conjunct, Guard | Bind):
+            why = f" (no value: {verdict.reason})" if verdict.reason else ""
+            return AbsenceNode("false", f"false: {text}{why}")
+        if conjunct.mode is Mode.ABSENT:
+            assert verdict.fact is not None
+            blocking = self._words(mind, verdict.fact)
+            because = Explainer(self._past, mind.robot).because(mind, verdict.fact).words
+            since = seconds_text(verdict.fact.at)
+            return AbsenceNode("blocked", f"in the way: {blocking} holds since {since}, {because}")
+        return self._missing(attempt, conjunct, depth)
+
+    def _missing(self, attempt: _Attempt, atom: Atom, depth: int) -> AbsenceNode:
+        """Return why no fact matches an atom."""
+        mind, source, match = attempt
+        text = atom_text(self._program, atom, mind.robot, match.env)
+        env = list(match.env)
+        past = [f for f in mind.by_predicate[atom.predicate] if f.at <= self._now and matched(atom, f, env) is not None]
+        if any(fact.held_at(self._now) for fact in past):
+            return AbsenceNode("missing", f"missing: {text}: another condition needs the only such fact")
+        if past:
+            return AbsenceNode("missing", f"missing: {text}{self._gone(mind, source, past[-1])}")
+        node = AbsenceNode("missing", f"missing: {text} never held{self._instead(mind, atom)}")
+        elsewhere = self._elsewhere(mind, atom, env)
+        if elsewhere:
+            node.children.append(AbsenceNode("note", elsewhere))
+        if depth > 0:
+            args = tuple([_pattern(each, match.env) for each in atom.args])
+            asked = Question(atom.predicate, False, False, mind.robot, args)
+            node.children += self._follow(asked, depth - 1)
+        return node
+
+    def _gone(self, mind: MindIndex, source: RuleSource, fact: PastFact) -> str:
+        """Return what has removed a fact, and why that came before the rule."""
+        words = (
+            f" held from {seconds_text(fact.at)} until {seconds_text(fact.until)}: {removal(self._past, mind, fact)}"
+        )
+        if not isinstance(fact.removal, FiringCause):
+            return words
+        record = mind.firings[fact.removal.number]
+        if record.rule == source.rule:
+            return words + ", this rule"
+        for rival in record.rivals:
+            if rival.rule == source.rule:
+                return f"{words}; this rule was satisfied then, too: {self._preferred(mind, record, rival.rank)}"
+        return words
+
+    def _preferred(self, mind: MindIndex, record: FiringRecord, rank: int | None) -> str:
+        """Return why a firing came before a rule that was satisfied as well, with `rank`."""
+        if record.rank == rank:
+            textual = self._program.strategy is Strategy.TEXTUAL
+            return "the other one stands before it (order textual)" if textual else "the other one was drawn by chance"
+        goal = ", ".join(item_text(self._program, predicate, mind.robot, args) for predicate, args in record.goals)
+        here = "no open goal follows from this one" if rank is None else f"this one has rank {rank}"
+        return f"the other one leads to an open goal ({goal}; rank {record.rank}), {here}"
+
+    def _instead(self, mind: MindIndex, atom: Atom) -> str:
+        held = mind.held(atom.predicate, self._now)[-NEAR_SHOWN:]
+        return f"; there is {', '.join(self._words(mind, fact) for fact in held)}" if held else ""
+
+    def _elsewhere(self, mind: MindIndex, atom: Atom, env: list[Value | None]) -> str:
+        """Return which other robots hold the fact; rules read those of their own robot alone."""
+        if self._program.predicates[atom.predicate].provided:
+            return ""
+        holders = []
+        for robot in self._past.near(OTHERS_MAX):
+            other = self._past.mind_at(robot, self._now)
+            if other is not None and robot != mind.robot:
+                held = other.held(atom.predicate, self._now)
+                if any(bound_by(atom.args, fact.args, env) is not None for fact in held):
+                    holders.append(robot)
+        if not holders:
+            return ""
+        robots = ", ".join(f"@{robot}" for robot in holders[:NEAR_SHOWN])
+        more = "" if len(holders) <= NEAR_SHOWN else f" and {len(holders) - NEAR_SHOWN} more"
+        return f"{robots}{more} holds such a fact: a rule reads only the facts of its own robot"
+
+    def _words(self, mind: MindIndex, fact: PastFact) -> str:
+        return item_text(self._program, fact.predicate, mind.robot, fact.args)
+
+
+def _pattern(pattern: object, env: tuple[Value | None, ...]) -> Any:
+    """Return a pattern of a body with the values that are known; what is unknown matches anything."""
+    if isinstance(pattern, Slot):
+        value = env[pattern.index]
+        return ANY if value is None else Constant(value)
+    return pattern
