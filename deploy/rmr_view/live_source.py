@@ -124,9 +124,13 @@ class LiveSource:
             self._mark(self.clock.t, robot, "restarted")
 
     def _show_deaths(self) -> None:
-        """Show as dead the robots that have been absent for a while: at the end of a run they leave in order."""
+        """Show as dead the robots that have been absent for a while in which lab time went on.
+
+        At the end of a run they leave in order; lab time stands then.
+        """
         late = time.monotonic() - ABSENT_S
-        for robot in [robot for robot, (_, since) in self._vanished.items() if since < late]:
+        now = self.clock.t
+        for robot in [robot for robot, (t, since) in self._vanished.items() if since < late and now > t + ABSENT_S]:
             self._show_death(robot)
 
     def _show_death(self, robot: int) -> None:

@@ -92,7 +92,7 @@ class SimulatedSource:
             self.history.add_entries("trace", news)
         for record in simulation.fault_records[self._faults :]:
             self._faults += 1
-            self.history.add_fault(_entry(record))
+            self.history.add_fault(_entry(record), given=record in simulation.lab.disturbances)
 
     def _recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
         """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
@@ -266,6 +266,7 @@ class SimulatedSource:
                 simulation.disturb(Disturbance(now, until, loss=order["loss"]))
             case "clear":
                 simulation.end_disturbances()
+                self.history.end_faults(in_seconds(now))
 
     async def close(self) -> None:
         """Let the run go on without waiting."""

@@ -19,6 +19,7 @@ Only `entered`, `left` and `slot_lost` name the event. What a robot did before b
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, ClassVar
 
 from rmr.base.time import in_seconds
@@ -112,6 +113,12 @@ class TurnIntervals:
         elif "stall" in fault:
             stalled = {"kind": "stalled", "begin_s": times["from"], "end_s": times.get("to", math.inf), "event": None}
             self._lane(fault["stall"]).intervals.append(stalled)
+
+    def end_faults(self, now: float, keep: int) -> None:
+        """End the disturbances of the radio at `now`, but for the first `keep` faults: those of the lab."""
+        for fault in self._faults[keep:]:
+            if "from" in fault and not fault.keys() & {"stall", "slow", "outage"} and fault.get("to", inf) > now:
+                fault["to"] = max(now, fault["from"])
 
     def timeline(self, end_s: float) -> dict[str, Any]:
         """Return lanes, leaders, schedules and faults as values for JSON; what is open ends at `end_s`."""

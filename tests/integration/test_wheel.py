@@ -50,3 +50,11 @@ def test_wheel_writes_a_new_lab_that_runs(site, tmp_path):
     assert run(site, tmp_path, NEW, "shop").returncode == 0
     assert run(site, tmp_path, LAB, "check", "shop", "--svg", "floor.svg").returncode == 0
     assert run(site, tmp_path, SIM, "shop").returncode == 0
+
+
+def test_wheel_holds_every_file_of_the_page(site):
+    source = ROOT / "deploy" / "rmr_view" / "page"
+    files = sorted(file.relative_to(source) for file in source.rglob("*") if file.is_file())
+    assert Path("vendor/SHA256SUMS") in files
+    for file in files:
+        assert (site / "rmr_view" / "page" / file).read_bytes() == (source / file).read_bytes(), file

@@ -1,0 +1,117 @@
+"""The page of a recording: why, radio, routes, estimates, logs."""
+
+import pytest
+from shown_run import ShownRecording, until
+
+
+@pytest.fixture
+def page(recorded, visit):
+    driver = visit(recorded.address)
+    driver.pause()
+    driver.press("3")
+    driver.seek(15.0)
+    return driver
+
+
+def explained(page, text):
+    """Return the items of the explanation, once `text` is among them."""
+    items = page.page.locator(".why .item, .why .reason")
+    until(lambda: text in items.all_inner_texts(), f"{text} in the explanation")
+    return items.all_inner_texts()
+
+
+def test_fact_is_explained_by_a_click_as_a_tree_that_unfolds(page):
+    page.page.locator(".fact", has_text="waiting(@3)").click()
+    assert explained(page, "waiting(@3)") == ["waiting(@3)", "crossing(@3, 30.0)", "start(@3)", "!due(@3, 30.0)"]
+    tree = page.page.get_by_role("tree")
+    assert "given by the lab" in tree.inner_text()
+    tree.get_by_role("button", name="Fold").first.click()
+    assert page.page.locator(".why .item").all_inner_texts() == ["waiting(@3)"]
+    tree.get_by_role("button", name="Unfold").first.click()
+    until(lambda: page.page.locator(".why .item").count() == 4, "the whole tree")
+    tree.get_by_role("button", name="corridor.rmr:19").click()
+    chosen = page.page.locator(".line.chosen")
+    until(lambda: chosen.count() == 1 and "crossing(R, _)" in chosen.inner_text(), "the rule in the program")
+
+
+def test_same_click_closes_the_explanation_again(page):
+    fact = page.page.locator(".fact", has_text="waiting(@3)")
+    fact.click()
+    explained(page, "waiting(@3)")
+    fact.click()
+    until(lambda: page.page.locator(".why").count() == 0, "no explanation")
+
+
+def test_absent_fact_is_explained_too(page):
+    page.page.get_by_placeholder("at(@3, exit)").fill("at(@3, exit)")
+    page.button("why not?").click()
+    text = until(
+        lambda: page.page.locator(".why .tree").count() and page.page.locator(".why .tree").inner_text(), "why"
+    )
+    assert "at(@3, exit) does not hold at 15.000 s" in text
+    assert "moveto(@3, exit)" in text
+
+
+def test_question_that_is_none_is_answered_with_a_sentence(page):
+    page.page.get_by_placeholder("at(@3, exit)").fill("at(@3,")
+    page.button("why not?").click()
+    trouble = page.page.locator(".why .trouble")
+    until(lambda: trouble.count() and trouble.inner_text().endswith("."), "a sentence")
+    page.troubles.clear()  # the browser logs every answer of an error
+
+
+def test_facts_goals_actions_and_schedule_are_those_of_the_instant(page):
+    panel = page.page.locator("#panel")
+    until(lambda: "moveto(@3, exit)" in panel.inner_text(), "the action of that instant")
+    assert "4th of 6 · made by robot 3, term 1" in panel.inner_text()
+    assert "estimate off by" in panel.inner_text()
+    page.seek(5.0)
+    until(lambda: "moveto(@3, exit)" not in panel.inner_text(), "it has not begun yet")
+
+
+def test_routes_and_estimates_are_drawn(page):
+    page.seek(5.0)
+    route = until(lambda: page.ask("() => window.__rmr.routes[3]"), "its route")
+    assert route[-1] == [0.5, 0.75]
+    page.press("e")
+    estimate = until(lambda: page.ask("() => window.__rmr.estimates[3]"), "its estimate")
+    truth = page.robots()[3]
+    assert 0 < ((estimate[0] - truth["x"]) ** 2 + (estimate[1] - truth["y"]) ** 2) ** 0.5 < 0.05
+
+
+def test_radio_counts_frames_and_draws_both_charts(page, recorded):
+    page.seek(21.4)
+    page.tab("Radio")
+    counters = page.page.locator("#panel table.grid").first.locator("tbody tr")
+    until(lambda: counters.count() == 6 and "still loading" not in page.page.locator("#panel").inner_text(), "counters")
+    sent = [int(text) for text in counters.locator("td:nth-child(2)").all_inner_texts()]
+    assert all(count > 50 for count in sent)
+    assert page.page.locator(".uplot canvas").count() == 2
+    frames = page.page.locator("#panel table.grid").last.locator("tbody tr")
+    assert frames.count() > 5
+    page.seek(1.0)
+    until(lambda: int(counters.locator("td:nth-child(2)").first.inner_text()) < sent[0], "fewer at an earlier instant")
+
+
+def test_frames_on_the_air_are_drawn_as_links(page):
+    assert until(lambda: page.ask("() => window.__rmr.links"), "a frame")
+    page.button("Frames").click()
+    until(lambda: page.ask("() => window.__rmr.links") == 0, "none when they are switched off")
+
+
+def test_missed_deadline_has_a_shape_and_words(recordings, visit):
+    shown = ShownRecording(recordings("testbed/rush.yaml", "--seed", "1"))
+    page = visit(shown.address)
+    page.pause()
+    page.press("End")
+    missed = until(lambda: page.ask("() => window.__rmr.missed"), "missed deadlines")
+    assert f"✕ {missed} missed" in page.page.locator(".tally").inner_text()
+    assert page.page.locator(".bad", has_text="late").count() >= 1
+    page.close()
+    shown.close()
+
+
+def test_page_opens_at_the_instant_and_robot_of_its_address(recorded, visit):
+    page = visit(recorded.address + "#t=12.5&robot=4")
+    assert page.t == 12.5
+    assert page.state("selected") == 4
