@@ -266,6 +266,8 @@ class SimulatedSource:
                 simulation.disturb(Disturbance(now, until, loss=order["loss"]))
             case "clear":
                 simulation.end_disturbances()
+                if self._writer is not None:
+                    self._writer.write("/faults", now, {"fault": {"clear": "all"}})
                 self.history.end_faults(in_seconds(now))
 
     async def close(self) -> None:
