@@ -224,8 +224,13 @@ class LiveSource:
             "robots": list(lab.roster),
             "floor": to_data(lab.arena),
             "program": self._program,
-            "problems": self._problems if self._growing or self._live else [*self._problems, NOT_RECORDED],
+            "problems": self._all_problems(),
         }
+
+    def _all_problems(self) -> list[str]:
+        recorded = self._growing is not None or self._live
+        unread = [self._unread] if self._unread else []
+        return [*self._problems, *unread, *([] if recorded else [NOT_RECORDED])]
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return entries of the history."""
