@@ -17,7 +17,9 @@ TESTS = Path(__file__).parent
 
 TIERS = ("fast", "medium", "slow")
 
-MEDIUM_FOLDERS = frozenset({"eval", "evaluation", "fuzz", "integration", "page", "paper", "properties", "sim", "validation"})
+MEDIUM_FOLDERS = frozenset(
+    {"eval", "evaluation", "fuzz", "integration", "page", "paper", "properties", "sim", "validation"}
+)
 """Folders of tests/ whose tests run whole programs, labs, drawn examples or processes."""
 
 FAST_CPU_S = 5.0

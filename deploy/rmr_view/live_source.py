@@ -124,9 +124,13 @@ class LiveSource:
             self._mark(self.clock.t, robot, "restarted")
 
     def _show_deaths(self) -> None:
-        """Show as dead the robots that have been absent for a while: at the end of a run they leave in order."""
+        """Show as dead the robots that have been absent for a while in which lab time went on.
+
+        At the end of a run they leave in order; lab time stands then.
+        """
         late = time.monotonic() - ABSENT_S
-        for robot in [robot for robot, (_, since) in self._vanished.items() if since < late]:
+        now = self.clock.t
+        for robot in [robot for robot, (t, since) in self._vanished.items() if since < late and now > t + ABSENT_S]:
             self._show_death(robot)
 
     def _show_death(self, robot: int) -> None:
@@ -220,8 +224,13 @@ class LiveSource:
             "robots": list(lab.roster),
             "floor": to_data(lab.arena),
             "program": self._program,
-            "problems": self._problems if self._growing or self._live else [*self._problems, NOT_RECORDED],
+            "problems": self._all_problems(),
         }
+
+    def _all_problems(self) -> list[str]:
+        recorded = self._growing is not None or self._live
+        unread = [self._unread] if self._unread else []
+        return [*self._problems, *unread, *([] if recorded else [NOT_RECORDED])]
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return entries of the history."""

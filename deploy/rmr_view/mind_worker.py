@@ -101,11 +101,16 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
     from rmr.why.absence import why_not  # noqa: PLC0415
     from rmr.why.question import WhyError, question  # noqa: PLC0415
     from rmr.why.replayed_histories import UnexplainableError  # noqa: PLC0415
+    from rmr.why.rule_words import seconds_text  # noqa: PLC0415
     from rmr.why.why_answer import why  # noqa: PLC0415
 
     try:
         recording, histories, past = _pasts.get(path) or _opened(path)
         asked = question(question_text, past.program, list(past.robots), robot)
+        if not past.minds(robot):
+            raise UnexplainableError("; ".join(histories.problems) or f"what robot {robot} did was not recorded")
+        if not recording.complete:
+            histories.end_with(robot)
         at = None if t is None else seconds(t)
         answer = (
             why_not(past, asked, at, options.depth)
@@ -116,6 +121,9 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
         return {"refused": str(error), "status": 400}
     except (RecordingError, UnexplainableError) as error:
         return {"refused": str(error), "status": 501}
+    if not recording.complete:
+        until = seconds_text(past.known_until)
+        answer.notes.append(f"the recording has not been finished: robot {robot} is known until {until}")
     told: dict[str, Any] = answer.as_data() | {"lab": recording.about.lab, "problems": list(histories.problems)}
     return told
 
@@ -128,7 +136,7 @@ def _opened(path: Path) -> tuple[Any, Any, Any]:
 
     recording = opened(path)
     histories = ReplayedHistories(recording)
-    found = recording, histories, Past(histories)
+    found = recording, histories, Past(histories, histories.variables)
     if recording.complete:
         _pasts[path] = found
     return found

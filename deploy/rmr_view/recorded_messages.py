@@ -101,8 +101,12 @@ def _status(history: RunHistory, t: float, data: Data) -> None:
     history.add_status(t, data["robot"], dict(data))
 
 
-def _fault(history: RunHistory, _t: float, data: Data) -> None:
-    history.add_fault(fault_of(data["fault"]))
+def _fault(history: RunHistory, t: float, data: Data) -> None:
+    """Take in a fault, or the end of all those that were added: those of the lab are told at 0 s and stay."""
+    if "clear" in data["fault"]:
+        history.end_faults(t)
+    else:
+        history.add_fault(fault_of(data["fault"]), given=t <= 0.0)
 
 
 _BY_TOPIC: dict[str, Callable[[RunHistory, float, Data], None]] = {

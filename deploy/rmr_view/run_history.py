@@ -148,6 +148,7 @@ class RunHistory:
         self.malformed = 0
         """Number of messages of a recording that are none of rmr's."""
         self._timeline = TurnIntervals(robots)
+        self._given_faults = 0
         self._newest: tuple[float, dict[int, Triple]] = (-1.0, {})
         self._guessed: dict[int, Triple] = {}
 
@@ -197,15 +198,16 @@ class RunHistory:
         with self._lock:
             _append(self._statuses.setdefault(robot, []), (t, status))
 
-    def add_fault(self, fault: dict[str, Any]) -> None:
-        """Take in a fault as the report lists it."""
+    def add_fault(self, fault: dict[str, Any], given: bool = False) -> None:
+        """Take in a fault as the report lists it; `given` by the lab. Those come first."""
         with self._lock:
+            self._given_faults += given
             self._timeline.add_fault(fault)
 
-    def end_faults(self, t: float, keep: int) -> None:
-        """End the disturbances of the radio at `t`, but for the first `keep` faults: those of the lab."""
+    def end_faults(self, t: float) -> None:
+        """End the disturbances of the radio at `t`, but for those given by the lab."""
         with self._lock:
-            self._timeline.end_faults(t, keep)
+            self._timeline.end_faults(t, self._given_faults)
 
     # --- reading ---
 

@@ -29,6 +29,7 @@ class SimViewer:
         self._pacer = RunPacer(speed)
         self._source: SimulatedSource | None = None
         self._server: PageServer | None = None
+        self._interrupted = False
 
     def attach(self, simulation: Simulation, writer: RecordWriter | None) -> None:
         """Start the server and print its address."""
@@ -40,6 +41,7 @@ class SimViewer:
 
     def interrupt(self) -> None:
         """Let a paused run go on to its end."""
+        self._interrupted = True
         self._pacer.stop()
 
     def over(self, report: dict[str, Any]) -> None:
@@ -48,8 +50,8 @@ class SimViewer:
             self._source.over(report)
 
     def wait(self) -> None:
-        """Serve what was until Ctrl-C."""
-        if self._server is None:
+        """Serve what was until Ctrl-C, unless that has come already."""
+        if self._server is None or self._interrupted:
             return
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         with suppress(KeyboardInterrupt):

@@ -33,6 +33,8 @@ SHOW_S = 0.04
 """Period of the poses that are shown live, in wall time."""
 TAPPED = frozenset({"/frames", "/log", "/routes", "/status"})
 """Channels of the recording that are passed on to the page."""
+PRESENT_S = 0.1
+"""What is younger than this is asked of the robot itself."""
 ROUTE_MAX = 200
 """Points of a route at most."""
 
@@ -90,7 +92,7 @@ class SimulatedSource:
             self.history.add_entries("trace", news)
         for record in simulation.fault_records[self._faults :]:
             self._faults += 1
-            self.history.add_fault(_entry(record))
+            self.history.add_fault(_entry(record), given=record in simulation.lab.disturbances)
 
     def _recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
         """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
@@ -164,22 +166,29 @@ class SimulatedSource:
     async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
         """Return what a robot knew and did at `t`; route, open goals and queue are known of the present alone."""
         now = self.clock.t
-        if t is not None and t < now - 0.1:
-            trace = await asyncio.to_thread(self.history.between, "trace", 0.0, t, 1 << 60)
-            found = await asyncio.to_thread(robot_at, trace, robot, t, self._sensed)
-            truth, estimate = self.history.pose(robot, t)
-            return {
-                "robot": robot,
-                "t": t,
-                **found,
-                "route": self.history.route(robot, t),
-                "pose": truth,
-                "estimate": estimate,
-            }
-        trace = await asyncio.to_thread(self.history.between, "trace", 0.0, now, 1 << 60)
-        found = await asyncio.to_thread(robot_at, trace, robot, now, self._sensed)
+        if t is not None and t < now - PRESENT_S:
+            return await self._past(robot, t)
+        found = await self._folded(robot, now)
         present: dict[str, Any] = await self._ask(lambda: self._present(robot))
         return found | present
+
+    async def _past(self, robot: int, t: float) -> dict[str, Any]:
+        truth, estimate = self.history.pose(robot, t)
+        route = self.history.route(robot, t)
+        known = {"robot": robot, "t": t, "route": route, "pose": truth, "estimate": estimate}
+        if self._minds is None or not self.history.dropped("trace"):
+            return await self._folded(robot, t) | known
+        await self._flush()  # the trace is not whole any more: replay the recording
+        return await self._minds.state(robot, t) | known
+
+    async def _folded(self, robot: int, t: float) -> dict[str, Any]:
+        trace = await asyncio.to_thread(self.history.between, "trace", 0.0, t, 1 << 60)
+        return await asyncio.to_thread(robot_at, trace, robot, t, self._sensed)
+
+    async def _flush(self) -> None:
+        """Put what is recorded so far into the file."""
+        if self._writer is not None and not self._over:
+            await self._ask(self._writer.flush)
 
     async def _ask(self, question: Callable[[], Any]) -> Any:
         """Return the answer of the run, between two ticks; of a run that is over nothing changes any more."""
@@ -216,10 +225,9 @@ class SimulatedSource:
 
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact, from the recording so far: up to about a second ago."""
-        if self._minds is None or self._writer is None:
+        if self._minds is None:
             raise RequestRefusedError("an explanation needs the recording: start the run without --no-record", 501)
-        if not self._over:
-            await self._ask(self._writer.flush)
+        await self._flush()
         return await self._minds.why(robot, fact, t, options)
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,7 +266,9 @@ class SimulatedSource:
                 simulation.disturb(Disturbance(now, until, loss=order["loss"]))
             case "clear":
                 simulation.end_disturbances()
-                self.history.end_faults(in_seconds(now), len(simulation.lab.disturbances))
+                if self._writer is not None:
+                    self._writer.write("/faults", now, {"fault": {"clear": "all"}})
+                self.history.end_faults(in_seconds(now))
 
     async def close(self) -> None:
         """Let the run go on without waiting."""

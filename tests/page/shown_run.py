@@ -30,7 +30,7 @@ class ShownRun:
         self.pacer = RunPacer(speed)
         if speed >= FASTEST:
             self.pacer.stop()
-        self.source = SimulatedSource(self.simulation, self.pacer, program, control)
+        self.source = SimulatedSource(self.simulation, self.pacer, program, control, None)
         self.server = PageServer(self.source, bind(0), TOKEN)
         self.port = self.server.port
         self.server.start()

@@ -1,10 +1,8 @@
 """The page of a run that goes on: live, steering, faults, a server that goes and returns."""
 
+from itertools import pairwise
+
 from shown_run import FASTEST, until
-
-
-def choose_value(page, role, name, value):
-    page.page.get_by_role(role, name=name).select_option(value)
 
 
 def test_live_page_follows_the_run_shortly_behind_it(shown, visit):
@@ -49,17 +47,8 @@ def test_simulated_run_is_paused_stepped_and_sped_up(shown, visit):
     until(lambda: abs(page.t - run.source.clock.t) < 0.002, "the page shows the tick")
     steering.get_by_role("button", name="Resume").click()
     until(lambda: run.pacer.running, "resumed")
-    choose_value(steering_page(steering), "combobox", "Speed", "5")
+    steering.get_by_role("combobox", name="Speed").select_option("5")
     until(lambda: run.pacer.speed == 5.0, "five times as fast")
-
-
-def steering_page(steering):
-    """Let `choose_value` look inside of a group."""
-
-    class Inside:
-        page = steering
-
-    return Inside
 
 
 def test_partition_and_loss_are_shown_as_active_and_cleared(shown, visit):
@@ -101,7 +90,7 @@ def test_order_that_is_refused_is_answered_with_a_sentence(shown, visit):
     page.tab("Faults")
     page.button("Restart").click()  # it lives
     alert = page.page.get_by_role("alert")
-    until(lambda: alert.count(), "an answer")
+    until(alert.count, "an answer")
     assert alert.inner_text().split("\n")[0].endswith(".")
     page.button("Dismiss").click()
     assert alert.count() == 0
@@ -150,11 +139,12 @@ def test_waiting_time_between_tries_grows(shown, visit):
     page = visit(run.address)
     page.ask(
         "() => { window.waits = []; const old = window.setTimeout; "
-        "window.setTimeout = (act, ms, ...rest) => { window.waits.push(ms); return old(act, Math.min(ms, 20), ...rest); }; }"
+        "window.setTimeout = (act, ms, ...rest) => "
+        "{ window.waits.push(ms); return old(act, Math.min(ms, 20), ...rest); }; }"
     )
     run.server.stop()
     waits = until(lambda: tries(page, 5), "five tries")
-    assert all(later > 1.2 * earlier for earlier, later in zip(waits, waits[1:], strict=False))
+    assert all(later > 1.2 * earlier for earlier, later in pairwise(waits))
     assert max(waits) <= 12_000
     run.restart_server()
     until(lambda: page.state("connection")["state"] == "open", "connected again")
@@ -192,7 +182,7 @@ def test_clock_hides_jitter_of_arrival(over, visit):
         }"""
     )
     late = [(wall, t) for wall, t in shown_at if wall > 3]
-    steps = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(late, late[1:], strict=False)]
+    steps = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(late)]
     assert min(steps) > 0.8, "it never stands"
     assert max(steps) < 1.2, "it never jumps"
     assert all(0.2 < wall - t < 0.6 for wall, t in late)
@@ -200,7 +190,10 @@ def test_clock_hides_jitter_of_arrival(over, visit):
 
 def test_source_of_a_program_is_text_and_never_markup(shown, visit):
     run = shown("corridor", speed=FASTEST)
-    run.source._program = {"name": "<b>x.rmr", "source": "// <img src=x onerror='window.hacked=1'> <script>1</script>\n"}
+    run.source._program = {
+        "name": "<b>x.rmr",
+        "source": "// <img src=x onerror='window.hacked=1'> <script>1</script>\n",
+    }
     page = visit(run.address)
     page.tab("Program")
     assert "<img src=x onerror='window.hacked=1'>" in page.page.locator(".program pre").inner_text()

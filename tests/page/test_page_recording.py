@@ -45,7 +45,9 @@ def test_same_click_closes_the_explanation_again(page):
 def test_absent_fact_is_explained_too(page):
     page.page.get_by_placeholder("at(@3, exit)").fill("at(@3, exit)")
     page.button("why not?").click()
-    text = until(lambda: page.page.locator(".why .tree").count() and page.page.locator(".why .tree").inner_text(), "why")
+    text = until(
+        lambda: page.page.locator(".why .tree").count() and page.page.locator(".why .tree").inner_text(), "why"
+    )
     assert "at(@3, exit) does not hold at 15.000 s" in text
     assert "moveto(@3, exit)" in text
 
@@ -105,7 +107,7 @@ def test_missed_deadline_has_a_shape_and_words(recordings, visit):
     missed = until(lambda: page.ask("() => window.__rmr.missed"), "missed deadlines")
     assert f"✕ {missed} missed" in page.page.locator(".tally").inner_text()
     assert page.page.locator(".bad", has_text="late").count() >= 1
-    page.page.reload()
+    page.close()
     shown.close()
 
 

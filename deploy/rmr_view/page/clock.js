@@ -14,6 +14,7 @@ export class PlaybackClock {
     this.begin = 0;
     this.end = 0; // the newest instant known
     this.t = 0;
+    this.over = false; // whether nothing more can come
     this.running = false; // whether the run goes on
     this.live = false; // the mode
     this.playing = false;
@@ -58,6 +59,7 @@ export class PlaybackClock {
       this.t += Math.max(0, this.running ? made : Math.max(made, Math.min(away, passed)));
     }
     this.t = Math.min(this.end, this.t);
+    if (this.over && this.end - this.t < 1e-3) this.live = this.playing = false;
   }
 
   play(wall, passed) {

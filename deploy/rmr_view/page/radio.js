@@ -190,6 +190,7 @@ function drawPlayhead(chart, t, colours) {
   chart.ctx.save();
   chart.ctx.strokeStyle = colours.accent;
   chart.ctx.lineWidth = 1.5 * devicePixelRatio;
+  chart.ctx.setLineDash([]);
   chart.ctx.beginPath();
   chart.ctx.moveTo(x, top);
   chart.ctx.lineTo(x, top + height);

@@ -3,9 +3,11 @@
 import { html, useState } from "./vendor/htm-preact.js";
 import { Badge, Instant, Place, RobotLink, Section } from "./parts.js";
 import { clockText, deadlineState, intervalAt, laneOf, leadersAt, schedulesAt, stateText } from "./run_facts.js";
-import { choose, clock, explain } from "./session.js";
+import { choose, clock, explain, poses } from "./session.js";
 import { get, set, useKeys } from "./store.js";
 import { Why } from "./why.js";
+
+const STALE_S = 1.5; // while it plays, answers are a moment old
 
 /** The robots of the run, to choose one. */
 export function Roster() {
@@ -35,8 +37,13 @@ export function RobotPanel() {
     ${state.why ? html`<${Why} />` : null}
     ${detailsError ? html`<p class="trouble" role="status">${detailsError}</p>` : null}
     ${details?.problem ? html`<p class="trouble" role="status">${sentence(details.problem)}</p>` : null}
-    ${details ? html`<${Mind} details=${details} />` : detailsError ? null : html`<p class="empty">Replaying its mind …</p>`}
+    ${details ? html`<div class=${isStale(details, state.nowSlow) ? "mind stale" : "mind"}><${Mind} details=${details} /></div>` : detailsError ? null : html`<p class="empty">Replaying its mind …</p>`}
   </div>`;
+}
+
+/** Whether an answer about a robot is of another instant than the one shown. */
+function isStale(details, t) {
+  return Math.abs(details.t - t) > STALE_S;
 }
 
 /** All robots with their deadlines, while none is chosen. */
@@ -84,11 +91,11 @@ function Head() {
     <div>
       <h2>Robot ${selected}${leadersAt(timeline, nowSlow).has(selected) ? html` <span class="tag">★ leads</span>` : null}</h2>
       <p>${since}</p>
-      ${details?.progress ? html`<p>${details.progress}</p>` : null}
+      ${details?.progress && !isStale(details, nowSlow) ? html`<p>${details.progress}</p>` : null}
     </div>
     <button class="icon" aria-label="Choose no robot" title="choose no robot (Esc)" onClick=${() => choose(null)}>×</button>
     ${deadline ? html`<${DeadlineBar} deadline=${deadline} t=${nowSlow} />` : null}
-    ${details?.pose ? html`<${PoseLine} details=${details} />` : null}
+    <${PoseLine} robot=${selected} t=${nowSlow} />
   </header>`;
 }
 
@@ -102,17 +109,18 @@ function DeadlineBar({ deadline, t }) {
   </div>`;
 }
 
-function PoseLine({ details }) {
-  const { pose, estimate } = details;
-  const at = Array.isArray(pose) ? { x: pose[0], y: pose[1], heading: pose[2] } : pose;
-  const guess = Array.isArray(estimate) ? { x: estimate[0], y: estimate[1], heading: estimate[2] } : estimate;
-  const degrees = Math.round((((at.heading * 180) / Math.PI) % 360 + 360) % 360);
-  const away = guess ? Math.hypot(guess.x - at.x, guess.y - at.y) * 1000 : null;
-  return html`<p class="pose">at (${at.x.toFixed(2)}, ${at.y.toFixed(2)}) m, heading ${degrees}°${away === null ? "" : `, estimate off by ${away.toFixed(0)} mm`}</p>`;
+/** Pose and error of the estimate at the time shown, from what is drawn. */
+function PoseLine({ robot, t }) {
+  const at = poses.at(robot, t);
+  if (!at) return null;
+  const guess = poses.at(robot, t, true);
+  const degrees = Math.round((((at[2] * 180) / Math.PI) % 360 + 360) % 360);
+  const away = guess ? Math.hypot(guess[0] - at[0], guess[1] - at[1]) * 1000 : null;
+  return html`<p class="pose">at (${at[0].toFixed(2)}, ${at[1].toFixed(2)}) m, heading ${degrees}°${away === null ? "" : `, estimate off by ${away.toFixed(0)} mm`}</p>`;
 }
 
 function Mind({ details }) {
-  const { goals = {}, facts = [], fired = [], actions = [], queue } = details;
+  const { goals = {}, facts = [], sensed = [], fired = [], actions = [], queue } = details;
   const open = (goals.open ?? []).map((goal) => asPair(goal));
   const achieved = (goals.achieved ?? []).map((goal) => asPair(goal));
   return html`
@@ -129,6 +137,11 @@ function Mind({ details }) {
     <${Section} title="Facts" count=${facts.length} note=${facts.length ? null : "It holds none."}>
       <ul class="facts">${facts.map((fact) => html`<li key=${factText(fact)}><${Fact} robot=${details.robot} fact=${factText(fact)} t=${details.t} /></li>`)}</ul>
     </${Section}>
+    ${sensed?.length
+      ? html`<${Section} title="Sensed" count=${sensed.length}>
+          <ul class="facts">${sensed.map((fact) => html`<li key=${factText(fact)}><${Fact} robot=${details.robot} fact=${factText(fact)} t=${details.t} /></li>`)}</ul>
+        </${Section}>`
+      : null}
     <${WhyNot} robot=${details.robot} />
     <${Section} title="Actions" note=${actions.length ? null : "None so far."}>
       <ul class="list timed">${last(actions, 12).map((action) => html`<${Action} action=${action} />`)}</ul>

@@ -117,6 +117,7 @@ function heardClock(message) {
 function ended(report) {
   const { run } = get();
   clock.running = false;
+  clock.over = true;
   if (report?.time_s !== undefined) clock.end = Math.max(clock.end, poses.newest);
   set({ report: report ?? {}, sawEnd: run.live, run: { ...run, live: false, control: false }, runPaused: false });
   if (run.live) renewTimeline();

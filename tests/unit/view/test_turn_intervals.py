@@ -143,3 +143,15 @@ def test_timeline_of_a_simulated_corridor_agrees_with_its_report():
         [reported] = parts[lane["robot"]]["assertions"]
         assert (job["deadline_s"], job["met"]) == (reported["deadline_s"], reported["met"])
         assert job["finish_s"] == pytest.approx(reported["finish_s"], abs=0.05)
+
+
+def test_cleared_faults_end_and_those_of_the_lab_stay():
+    made = TurnIntervals([1, 2])
+    for fault in (
+        {"from": 0.0, "to": 9.0, "loss": 0.1},
+        {"from": 2.0, "loss": 0.5},
+        {"from": 3.0, "to": 9.0, "stall": 2},
+    ):
+        made.add_fault(fault)
+    made.end_faults(4.0, 1)
+    assert [fault.get("to") for fault in made.timeline(5.0)["faults"]] == [9.0, 4.0, 9.0]
