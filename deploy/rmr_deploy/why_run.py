@@ -81,7 +81,7 @@ def _answer(
     as_dot: bool,
 ) -> int:
     histories = ReplayedHistories(recording)
-    past = Past(histories)
+    past = Past(histories, histories.variables)
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)

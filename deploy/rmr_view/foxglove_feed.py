@@ -17,6 +17,8 @@ LAG_S = 1.5
 """A run under way is shown so much later than it happens: its files grow once a second."""
 LATE_S = 3.0
 """A run under way that is shown so much too late, because its lab time is faster than time, is caught up with."""
+LATCHED = frozenset({"/scene", "/floor"})
+"""Channels written once: who comes later needs the newest message nevertheless."""
 LOOK_S = 0.2
 """Period with which the files of a run under way are looked at."""
 
@@ -96,8 +98,10 @@ class LiveFeed:
         ended = self._run_file.exists()  # looked for first: what was written before it is in the news
         news = self._growing.news()
         if news:
+            newest_s = in_seconds(max(message.at for message in (*self._waiting, *news)))
+            if self._offset_s is None:  # what was before this began is not shown
+                news = [each for each in news if in_seconds(each.at) >= newest_s - LATE_S or each.topic in LATCHED]
             self._waiting = deque(sorted((*self._waiting, *news), key=lambda message: message.at))
-            newest_s = in_seconds(self._waiting[-1].at)
             if self._offset_s is None or newest_s - (wall_s - self._offset_s) > LATE_S:
                 self._offset_s = wall_s - newest_s + LAG_S
         self.over = ended and not news and not self._waiting

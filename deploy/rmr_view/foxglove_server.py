@@ -13,6 +13,7 @@ import json
 import logging
 import os
 import re
+import signal
 import struct
 import sys
 from collections import deque
@@ -31,7 +32,7 @@ from rmr.entry import ExitCode
 from rmr.record.channels import CHANNELS, schema_of
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Message, RawMessage, open_recording
-from rmr_view.foxglove_feed import FoxgloveFeed, LiveFeed, RecordedFeed
+from rmr_view.foxglove_feed import LATCHED, FoxgloveFeed, LiveFeed, RecordedFeed
 
 HOST: Final = "127.0.0.1"
 PORT: Final = 8765
@@ -47,8 +48,6 @@ ORIGINS: Final = (
 ADVERTISED: Final = tuple(channel for channel in CHANNELS if channel.encoding == "json")
 """Channels that Foxglove can show; the number of a channel is its place here."""
 NUMBERS: Final = {channel.topic: number for number, channel in enumerate(ADVERTISED)}
-LATCHED: Final = frozenset({"/scene", "/floor"})
-"""Channels written once: who subscribes later gets the newest message."""
 PERIOD_S: Final = 0.02
 """Period with which messages that have become due are sent."""
 CLOCK_S: Final = 0.1
@@ -241,6 +240,7 @@ def serve_foxglove(path: Path, *, live: bool, port: int | None = None, speed: fl
     for problem in feed.recording.problems:
         print(f"rmr view: {problem}", file=sys.stderr)
     print(f"for Foxglove or Lichtblick, open the connection: ws://{HOST}:{sock.getsockname()[1]}", flush=True)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with suppress(KeyboardInterrupt):
         asyncio.run(FoxgloveServer(feed).run(sock))
     return ExitCode.OK

@@ -34,15 +34,19 @@ class Keyframes:
         """Return the attributes of an element that is visible in these spans of lab time; inf: no end."""
         last = any(end == math.inf for _, end in spans)
         rest = "" if last else 'opacity="0" '
-        visible: list[str] = []
-        hidden: list[str] = [] if any(begin <= 0.0 for begin, _ in spans) else ["0%"]
-        for begin, end in spans:
-            visible.append(self._percent(begin))
-            if end < math.inf:
-                hidden.append(self._percent(end))
+        percents = [(self._percent(begin), self._percent(end) if end < math.inf else "") for begin, end in spans]
+        percents = [(begin, end) for begin, end in percents if begin != end]  # too short to be seen
+        visible = [begin for begin, _ in percents]
+        hidden = [end for _, end in percents if end and end not in visible]
+        if "0%" not in visible:
+            hidden.insert(0, "0%")
         (visible if last else hidden).append("100%")
         step = ";animation-timing-function:step-end"
-        body = f"{','.join(visible)}{{opacity:1{step}}}" + (f"{','.join(hidden)}{{opacity:0{step}}}" if hidden else "")
+        body = "".join(
+            f"{','.join(places)}{{opacity:{opacity}{step}}}"
+            for opacity, places in ((1, visible), (0, hidden))
+            if places
+        )
         return f'{rest}class="{self._named(body)}"'
 
     def style(self) -> str:

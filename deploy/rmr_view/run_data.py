@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from rmr.base.arena import from_data, to_data
 from rmr.base.time import in_seconds
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Message, Recording
@@ -18,7 +19,7 @@ from rmr_view.turn_intervals import TurnIntervals
 
 TOPICS = ("/tf", "/trace", "/frames", "/faults")
 """The channels that pictures need."""
-POSES_MAX = 20_000
+POSES_MAX = 6_000
 """Poses kept of each robot; of more every second one is dropped, and so on."""
 
 
@@ -68,12 +69,19 @@ class RunData:
     timeline: dict[str, Any] = field(default_factory=dict)
     """Turns, deadlines, leaders and faults: see `rmr_view.turn_intervals`."""
     radio: RadioLoad = field(default_factory=RadioLoad)
+    unreadable: dict[str, int] = field(default_factory=dict)
+    """Number of messages that were left out, for they are none of their channel, by channel."""
 
     @property
     def jobs(self) -> list[dict[str, Any]]:
         """All deadlines of all robots, with the key `robot`, by deadline."""
         every = [{"robot": lane["robot"], **job} for lane in self.timeline["lanes"] for job in lane["deadlines"]]
         return sorted(every, key=lambda job: (job["deadline_s"], job["robot"]))
+
+    @property
+    def problems(self) -> list[str]:
+        """Sentences on what was left out."""
+        return [f"{count} messages of {topic} are damaged and left out" for topic, count in self.unreadable.items()]
 
     @property
     def title(self) -> str:
@@ -87,8 +95,15 @@ def run_data(recording: Recording) -> RunData:
     floor = recording.attachment("floor.json")
     if floor is None:
         raise RecordingError("the recording holds no floor (floor.json): the file of the world is missing, or damaged")
+    try:
+        arena = from_data(json.loads(floor))
+        if not (arena.width > 0.0 and arena.height > 0.0 and math.isfinite(arena.width + arena.height)):
+            raise ValueError("it has no size")
+        plain = to_data(arena)
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise RecordingError(f"the floor in the recording (floor.json) is damaged: {error}") from error
     about = recording.about
-    data = RunData(about.lab, about.mode, about.seed, json.loads(floor), about.roster)
+    data = RunData(about.lab, about.mode, about.seed, plain, about.roster)
     return read_run(data, recording.messages(TOPICS))
 
 
@@ -98,19 +113,29 @@ def read_run(data: RunData, messages: Iterable[Message]) -> RunData:
     last = 0
     for message in messages:
         last = max(last, message.at)
-        if message.topic == "/tf":
-            for robot, *pose in poses(message.data):
-                data.tracks.setdefault(robot, Track()).add(in_seconds(message.at), *pose)
-        elif message.topic == "/trace":
-            turns.add(message.data)
-        elif message.topic == "/frames":
-            data.radio.add(in_seconds(message.at), message.data)
-        elif message.topic == "/faults":
-            turns.add_fault(message.data["fault"])
+        try:
+            _take(data, turns, message)
+        except (KeyError, TypeError, ValueError, AttributeError):
+            data.unreadable[message.topic] = data.unreadable.get(message.topic, 0) + 1
     data.end_s = in_seconds(last)
     data.timeline = turns.timeline(data.end_s)
     data.robots = tuple(lane["robot"] for lane in data.timeline["lanes"])
     return data
+
+
+def _take(data: RunData, turns: TurnIntervals, message: Message) -> None:
+    """Take in one message. Raises KeyError, TypeError, ValueError or AttributeError for a damaged one."""
+    if message.topic == "/tf":
+        for robot, *pose in list(poses(message.data)):
+            if not all(map(math.isfinite, pose)):
+                raise ValueError("a pose is no place")
+            data.tracks.setdefault(robot, Track()).add(in_seconds(message.at), *pose)
+    elif message.topic == "/trace":
+        turns.add(message.data)
+    elif message.topic == "/frames":
+        data.radio.add(in_seconds(message.at), message.data)
+    elif message.topic == "/faults":
+        turns.add_fault(message.data["fault"])
 
 
 def poses(transforms: Mapping[str, Any]) -> Iterator[tuple[int, float, float, float]]:

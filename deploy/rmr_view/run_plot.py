@@ -37,7 +37,7 @@ def _read(run: Path) -> RunData:
     recording = open_recording(run)
     try:
         data = run_data(recording)
-        for problem in recording.problems:
+        for problem in (*recording.problems, *data.problems):
             print(f"rmr plot: {problem}", file=sys.stderr)
     finally:
         recording.close()

@@ -16,6 +16,7 @@ serves a run under way, too; whatever is open then ends at the instant asked for
 Only `entered`, `left` and `slot_lost` name the event. What a robot did before belongs to the event that it names next.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -103,15 +104,15 @@ class TurnIntervals:
 
     def add_fault(self, fault: Mapping[str, Any]) -> None:
         """Take in a fault as reports have it: `{"at": 5.0, "kill": 3}`, `{"from": 2.0, "to": 3.0, "stall": 2}`."""
-        self._faults.append(dict(fault))
+        times = {key: float(fault[key]) for key in ("at", "from", "to") if key in fault}
+        self._faults.append({**fault, **times})
         if "kill" in fault:
-            self._die(self._lane(fault["kill"]), float(fault["at"]))
+            self._die(self._lane(fault["kill"]), times["at"])
         elif "restart" in fault:
-            self._live(self._lane(fault["restart"]), float(fault["at"]))
+            self._live(self._lane(fault["restart"]), times["at"])
         elif "stall" in fault:
-            lane = self._lane(fault["stall"])
-            stalled = {"kind": "stalled", "begin_s": float(fault["from"]), "end_s": float(fault["to"]), "event": None}
-            lane.intervals.append(stalled)
+            stalled = {"kind": "stalled", "begin_s": times["from"], "end_s": times.get("to", math.inf), "event": None}
+            self._lane(fault["stall"]).intervals.append(stalled)
 
     def end_faults(self, now: float, keep: int) -> None:
         """End the disturbances of the radio at `now`, but for the first `keep` faults: those of the lab."""

@@ -145,8 +145,9 @@ class MindReplay:
             first = self._number
             if first == 0:
                 raise MindLogError("its beginning is missing")
-            lost = f"batch {first}" if batch.number == first + 1 else f"batches {first} to {batch.number - 1}"
-            raise MindLogError(f"{lost} of its log missing")
+            if batch.number == first + 1:
+                raise MindLogError(f"batch {first} of its log is missing")
+            raise MindLogError(f"batches {first} to {batch.number - 1} of its log are missing")
         self._number += 1
         return batch
 

@@ -8,7 +8,9 @@ from rmr.mind.mind_versions import differences
 from rmr.mind.recorded_minds import PROGRAM, TOPIC, RecordedMind, minds, program_of
 from rmr.node.trace import TraceLevel
 from rmr.record.recording import Recording
+from rmr.record.run_files import PATHS_NAME, SOURCE
 from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
+from rmr.why.variable_names import Variables, variable_names
 
 
 class UnexplainableError(Exception):
@@ -61,6 +63,8 @@ class ReplayedHistories:
         self.problems: list[str] = list(recording.problems) + _foreign(
             self._minds, recording.attachment(PROGRAM) or b""
         )
+        self.variables = _variables(recording, self.program)
+        """Names of the rules' variables, if the recording holds the source."""
         self._made: dict[int, list[ReplayedHistory]] = {}
 
     def end_with(self, robot: int) -> None:
@@ -86,6 +90,12 @@ class ReplayedHistories:
         if history.problem:
             self.problems.append(history.problem)
         return history
+
+
+def _variables(recording: Recording, program: Program) -> Variables:
+    source = recording.attachment(SOURCE)
+    path = recording.parts[0].scan.metadata.get(PATHS_NAME, {}).get(SOURCE, SOURCE)
+    return () if source is None else variable_names(program, source.decode("utf-8", "replace"), path)
 
 
 def _foreign(found: list[RecordedMind], octets: bytes) -> list[str]:

@@ -19,7 +19,16 @@ from rmr.why.mind_index import MindIndex, PastFact
 from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
 from rmr.why.past import Past
 from rmr.why.question import Question
-from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
+from rmr.why.rule_words import (
+    Env,
+    atom_text,
+    conjunct_text,
+    item_text,
+    named,
+    rule_name,
+    rule_place_of,
+    seconds_text,
+)
 from rmr.why.sources import RuleSource
 from rmr.why.why_answer import removal
 
@@ -94,7 +103,7 @@ class UnsatisfiedRules:
             return node
         node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
         words = [
-            conjunct_text(self._program, conjunct, mind.robot, match.env)
+            conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
             for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
             if verdict.holds
         ]
@@ -139,8 +148,8 @@ class UnsatisfiedRules:
     # -- conjuncts ----------------------------------------------------------------------------------------------------
 
     def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: ConjunctVerdict, depth: int) -> AbsenceNode:
-        mind, _, match = attempt
-        text = conjunct_text(self._program, conjunct, mind.robot, match.env)
+        mind = attempt.mind
+        text = conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
         if verdict.holds is None:
             return AbsenceNode("undecided", f"not decided: {text}")
         if isinstance(conjunct, Guard | Bind):
@@ -154,10 +163,14 @@ class UnsatisfiedRules:
             return AbsenceNode("blocked", f"in the way: {blocking} holds since {since}, {because}")
         return self._missing(attempt, conjunct, depth)
 
+    def _named(self, attempt: _Attempt) -> Env:
+        """Return the values of the rule's variables, with the names of those that have none."""
+        return named(attempt.match.env, self._past.variables(attempt.source.rule))
+
     def _missing(self, attempt: _Attempt, atom: Atom, depth: int) -> AbsenceNode:
         """Return why no fact matches an atom."""
         mind, source, match = attempt
-        text = atom_text(self._program, atom, mind.robot, match.env)
+        text = atom_text(self._program, atom, mind.robot, self._named(attempt))
         env = list(match.env)
         past = [f for f in mind.by_predicate[atom.predicate] if f.at <= self._now and matched(atom, f, env) is not None]
         if any(fact.held_at(self._now) for fact in past):

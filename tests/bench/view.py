@@ -2,7 +2,7 @@
 
     python tests/bench/view.py [--lab LAB] [--processes N] [--seconds S]
 
-The hall, fifty robots in two processes, as `rmr up --view` starts it. A client in this process follows the WebSocket and
+The hall, fifty robots in two processes, as `rmr up --view` starts it. A client here follows the WebSocket and
 asks for the timeline once a second, as the page does. The server's processor time is read from the system's table. The
 target is 5 % of a core.
 """

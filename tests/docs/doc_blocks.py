@@ -21,6 +21,7 @@ from rmr_deploy.why_program import why_command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as simulate
+from rmr_view.plot import command as plot
 
 FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -77,6 +78,8 @@ def printed(command: str) -> str:
         return _invoked(why_command(), arguments[1:])
     if arguments[:1] == ["new"]:  # likewise
         return _invoked(new, arguments[1:])
+    if arguments[:1] == ["plot"]:  # likewise
+        return _invoked(plot(), arguments[1:])
     if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab: `rmr lab check`
         return _invoked(lab, arguments)
     assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"

@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from failing_handlers import NAMES, failing_lab
 
 from rmr.compiled import build, modules_in
+from rmr.record.recording import open_recording
 
 sys.path.append(str(Path(__file__).parents[1] / "bench"))
 from crowds import flood
@@ -111,3 +113,23 @@ def test_compiled_values_go_from_process_to_process(folder):
         for jobs in ("1", "2")
     }
     assert len(outputs) == 1
+
+
+@pytest.mark.timeout(550)
+def test_recordings_of_compiled_and_interpreted_runs_differ_in_one_field(folder, tmp_path):
+    recorded = [recording_of(folder, tmp_path / "compiled"), recording_of("", tmp_path / "interpreted")]
+    abouts = [recording.about for recording in recorded]
+    assert [about.compiled for about in abouts] == [True, False]
+    assert replace(abouts[0], compiled=False) == abouts[1]
+    assert list(recorded[0].raw_messages()) == list(recorded[1].raw_messages())
+    for name in recorded[0].attachments:
+        assert recorded[0].attachment(name) == recorded[1].attachment(name)
+
+
+def recording_of(compiled, folder):
+    """Return the recording of a run with faults."""
+    words = ["deploy/labs/corridor", "--seed", "2", "--chaos", "--run", str(folder)]
+    env = {**os.environ, "RMR_COMPILED": str(compiled)}
+    answer = subprocess.run([sys.executable, "-m", "rmr_sim.main", *words], env=env, capture_output=True, check=False)
+    assert answer.returncode in (0, 1)
+    return open_recording(folder)

@@ -165,9 +165,9 @@ def test_a_batch_with_a_flipped_bit_is_damaged(run, log):
 
 
 def test_a_missing_batch_is_told(run, log):
-    with pytest.raises(MindLogError, match="batch 5 of its log missing"):
+    with pytest.raises(MindLogError, match="batch 5 of its log is missing"):
         replayed([*log[:5], *log[6:]], run.program)
-    with pytest.raises(MindLogError, match="batches 5 to 6 of its log missing"):
+    with pytest.raises(MindLogError, match="batches 5 to 6 of its log are missing"):
         replayed([*log[:5], *log[7:]], run.program)
 
 

@@ -3,7 +3,10 @@
 import asyncio
 import json
 import shutil
+import signal
 import struct
+import subprocess
+import sys
 from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from socket import SO_RCVBUF, SOL_SOCKET, create_server, socket
@@ -17,7 +20,7 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import open_recording
 from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
-from rmr_view import foxglove_server
+from rmr_view import foxglove_server, view
 from rmr_view.foxglove_feed import LAG_S, LiveFeed, RecordedFeed
 from rmr_view.foxglove_server import ADVERTISED, NUMBERS, FoxgloveClient, FoxgloveServer, serve_foxglove
 
@@ -336,6 +339,16 @@ def test_run_under_way_is_followed_as_its_files_grow(run, tmp_path):
     assert feed.over
 
 
+def test_history_of_a_run_under_way_is_left_out_except_for_what_is_written_once(run, tmp_path):
+    (tmp_path / "record").mkdir()
+    shutil.copy(run / "run.mcap", tmp_path / "record" / "world.mcap")
+    feed = LiveFeed(tmp_path)
+    shown = [*feed.due(100.0), *feed.due(100.0 + LAG_S)]
+    end = feed.recording.span[1]
+    assert {message.topic for message in shown if message.at < end - 3.1e9} == {"/scene", "/floor"}
+    assert {message.topic for message in shown} >= {"/tf", "/scene", "/floor"}
+
+
 def test_live_run_is_served_to_clients(tmp_path):
     (tmp_path / "record").mkdir()
     writer = RecordWriter(tmp_path / "record" / "world.mcap", about_run("corridor", "processes", 7, (1,), "world"))
@@ -364,3 +377,38 @@ def test_port_in_use_and_no_recording_are_told_in_one_sentence(run, tmp_path, ca
     assert "no recording of a run" in capsys.readouterr().err
     assert serve_foxglove(tmp_path, live=True, port=0) == 3
     assert "no recording of a run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--foxglove", "nowhere"], 2, "there is no nowhere"),
+        (["--foxglove"], 1, "no lab runs here"),
+        (["--foxglove", "{run}", "--control"], 2, "these are about the page"),
+        (["--foxglove", "{run}", "--speed", "0"], 2, "--speed"),
+        (["{run}", "--speed", "2"], 2, "--speed is of a recording in Foxglove"),
+    ],
+)
+def test_command_tells_what_foxglove_cannot_do(run, tmp_path, monkeypatch, capsys, words, code, message):
+    monkeypatch.chdir(tmp_path)
+    assert view.command().main([word.format(run=run) for word in words], "rmr view") == code
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_command_prints_the_address_serves_and_ends_in_order(run, ending):
+    command = [sys.executable, "-m", "rmr_view.view", "--foxglove", str(run), "--port", "0", "--speed", "100"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        address = process.stdout.readline().rpartition(" ")[2].strip()
+
+        async def check():
+            async with client(address) as connection:
+                await connection.send(subscribing("/tf"))
+                assert await data_of(connection, 3)
+                process.send_signal(ending)
+                with pytest.raises(ConnectionClosed):
+                    await data_of(connection, 10_000)
+
+        asyncio.run(check())
+        assert process.wait(20) == 0
+        assert process.stderr.read() == ""

@@ -3,6 +3,7 @@
 import builtins
 import io
 import json
+import math
 import re
 import shutil
 from itertools import pairwise
@@ -12,10 +13,13 @@ from xml.etree import ElementTree
 import pytest
 
 from rmr.base.arena import to_data
+from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import Message
+from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
 from rmr_view.animation import OCTETS_MAX, animation
 from rmr_view.gif_film import film_of
+from rmr_view.keyframes import HOLD_S, Keyframes
 from rmr_view.plot import main
 from rmr_view.run_data import POSES_MAX, RunData, Track, read_run
 from rmr_view.run_pictures import JOBS_MAX, PICTURES, lateness, radio, trajectories, turns
@@ -270,3 +274,61 @@ def test_pictures_of_a_folder_whose_recording_is_not_joined_yet(run, tmp_path):
     shutil.copy(run / "run.mcap", parts / "world.mcap")
     assert main([str(tmp_path)]) == 0
     assert json.loads((run / "report.json").read_text())["lab"] in (tmp_path / "turns.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("spans", "body"),
+    [
+        ([(2.0, 4.0)], "20%{opacity:1}0%,40%,100%{opacity:0}"),
+        ([(0.0, 4.0)], "0%{opacity:1}40%,100%{opacity:0}"),
+        ([(0.0001, 4.0)], "0%{opacity:1}40%,100%{opacity:0}"),
+        ([(2.0, math.inf)], "20%,100%{opacity:1}0%{opacity:0}"),
+        ([(0.0, math.inf)], "0%,100%{opacity:1}"),
+        ([(2.0, 4.0), (4.0, 5.0)], "20%,40%{opacity:1}0%,50%,100%{opacity:0}"),
+        ([(2.0, 2.0001)], "0%,100%{opacity:0}"),
+    ],
+)
+def test_keyframes_show_an_element_in_its_spans_of_time(spans, body):
+    frames = Keyframes(10.0 - HOLD_S, 1.0)
+    assert ('opacity="0"' in frames.shown(spans)) == (spans[-1][1] < math.inf)
+    step = ";animation-timing-function:step-end"
+    assert f"{{{body}}}" in frames.style().replace(step, "")
+
+
+def write_run(path, floor, *messages):
+    writer = RecordWriter(path, about_run("lab", "simulated", 7, (1,), "sim"))
+    if floor is not None:
+        writer.attach("floor.json", floor)
+    for topic, data in messages:
+        writer.write(topic, 0, data)
+    writer.close()
+    return path
+
+
+@pytest.mark.parametrize("floor", [None, b"{", b"[]", b"{}", b'{"width": 1}', b"[" * 100_000])
+def test_recording_without_a_readable_floor_is_told(tmp_path, capsys, floor):
+    assert main([str(write_run(tmp_path / "x.mcap", floor))]) == 3
+    assert "floor.json" in capsys.readouterr().err
+
+
+def test_damaged_messages_are_left_out_and_counted(tmp_path, capsys, floor):
+    damaged = [
+        ("/trace", {}),
+        ("/trace", {"what": "slotted", "t": "x", "robot": 1, "start_s": 1}),
+        ("/trace", {"what": "job_started", "t": 1.0, "robot": 1}),
+        ("/trace", {"what": ["asks"], "t": 1.0, "robot": 1}),
+        ("/tf", {"transforms": 7}),
+        ("/tf", {"transforms": [pose(1, float("nan"), 0.0)]}),
+        ("/frames", {"start_s": 0.0}),
+        ("/frames", {"start_s": "now", "kind": "hello", "attempt": 0, "outcome": None, "end_s": None}),
+        ("/faults", {"fault": {"at": "soon", "kill": 1}}),
+        ("/faults", {}),
+    ]
+    path = write_run(
+        tmp_path / "x.mcap", json.dumps(floor).encode(), *damaged, ("/tf", {"transforms": [pose(1, 1.0, 1.0)]})
+    )
+    assert main([str(path)]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f"rmr plot: {count} messages of {topic} are damaged and left out"
+        for topic, count in (("/trace", 4), ("/tf", 2), ("/frames", 2), ("/faults", 2))
+    ]
