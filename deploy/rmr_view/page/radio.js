@@ -50,7 +50,8 @@ export function RadioPanel() {
   frames.need(begin, end);
   const found = frames.between(begin, end);
   const data = binned(found, begin, end);
-  const until = found.filter((frame) => frame.start_s <= nowSlow);
+  // Frames of different robots arrive out of order.
+  const until = found.filter((frame) => frame.start_s <= nowSlow).sort((a, b) => a.start_s - b.start_s);
   const totals = summed(run.robots, until);
   return html`<div class="radio">
     <${Section} title="Frames a second">

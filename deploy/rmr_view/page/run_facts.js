@@ -65,8 +65,10 @@ export function leadersAt(timeline, t) {
 /** Return the newest schedule of each event at `t`. */
 export function schedulesAt(timeline, t) {
   const newest = new Map();
-  for (const one of timeline?.schedules ?? []) if (one.t_s <= t) newest.set(one.event, one);
-  return [...newest.values()];
+  for (const one of timeline?.schedules ?? []) if (one.t_s <= t) newest.set(one.event ?? "", one);
+  const all = [...newest.values()];
+  // The trace may name the event of a schedule only later: a newer one with a name replaces it.
+  return all.filter((one) => one.event || !all.some((other) => other.event && other.t_s >= one.t_s));
 }
 
 export function faultBegin(fault) {

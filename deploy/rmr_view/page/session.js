@@ -63,9 +63,10 @@ export async function start() {
 }
 
 function connected(connection) {
-  if (connection.state === "open" && connection.again) {
+  if (connection.state === "open") {
+    // What came before the socket was open, and after the last answer, is in neither.
     for (const series of [poses, frames, trace, log, routes]) series.doubt();
-    renewRun();
+    if (connection.again) renewRun();
   }
   set({ connection });
 }
