@@ -8,7 +8,8 @@ So a rule that did not fire in the run with all rules cannot change that run: it
 the other runs count as equal. The seeds that once failed (tests/sim/kept.toml) are run as well, as the lab `kept`.
 
 All results are kept in a state file, a line of JSON for each run; with `--resume` only what is missing is run. After
-each rule `DIR/ablation.md` (the table) and `DIR/ablation.jsonl` (its rows) are written.
+each rule `DIR/ablation.md` (the tables) and `DIR/ablation.jsonl` (their rows) are written. Rows of rules that are not
+asked for stay as they were.
 """
 
 import argparse
@@ -176,30 +177,48 @@ def verdict(row: Row) -> str:
     return "no gain measured" if row["changed"] else "no effect"
 
 
-def written(folder: Path, rows: Sequence[Row], what: str) -> None:
-    """Write the table and its data into `folder`."""
+def known_rows(folder: Path) -> list[Row]:
+    """Return the rows that `folder` has; none if there is no table yet."""
+    path = folder / "ablation.jsonl"
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def merged_rows(known: Iterable[Row], new: Sequence[Row]) -> list[Row]:
+    """Return all rows in the order of the rules, those of rules that are gone last; new rows replace known ones."""
+    by_rule = {row["rule"]: row for row in (*known, *new)}
+    order = {rule: at for at, rule in enumerate(RULES)}
+    return sorted(by_rule.values(), key=lambda row: order.get(row["rule"], len(order)))
+
+
+def written(folder: Path, rows: Sequence[Row]) -> None:
+    """Write the tables and their data into `folder`: a table for each set of runs."""
     header = ("rule left out", "fired in", "runs changed", "contacts", "unfinished", "violations", "time / bound", "")
-    lines = [
-        (
-            f"`{row['rule']}`",
-            f"{row['fired']} of {row['runs']}",
-            str(row["changed"]),
-            *(f"{row[key]} ({row[key] - row[f'{key}_base']:+d})" for key in ("contacts", "unfinished", "violations")),
-            f"{row['ratio_delta']:+.3f}",
-            row["verdict"],
-        )
-        for row in rows
-    ]
-    page = ["# Ablation of the rules of motion", "", *NOTE, "", f"{what}.", "", *table(header, lines), ""]
-    (folder / "ablation.md").write_text("\n".join(page))
+    page = ["# Ablation of the rules of motion", "", *NOTE]
+    for over in dict.fromkeys(row["over"] for row in rows):
+        lines = [line_of(row) for row in rows if row["over"] == over]
+        page += ["", f"## {over[0].upper()}{over[1:]}", "", *table(header, lines)]
+    (folder / "ablation.md").write_text("\n".join([*page, ""]))
     (folder / "ablation.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+
+
+def line_of(row: Row) -> tuple[str, ...]:
+    """Return the cells of a rule."""
+    gone = "" if row["rule"] in RULES else "; the rule is gone"
+    return (
+        f"`{row['rule']}`",
+        f"{row['fired']} of {row['runs']}",
+        str(row["changed"]),
+        *(f"{row[key]} ({row[key] - row[f'{key}_base']:+d})" for key in ("contacts", "unfinished", "violations")),
+        f"{row['ratio_delta']:+.3f}",
+        row["verdict"] + gone,
+    )
 
 
 NOTE = (
     "Each [hazard rule and each escape](../motion.md) is left out in turn, with chaos. A rule that did not fire in the",
     "run with all rules cannot change that run, so it is left out only where it fired. In brackets: the difference to",
     "the runs with all rules. Time over bound: the mean difference over the runs that finish both with the rule and",
-    "without it. Written by `python tests/evaluation/ablation.py`.",
+    "without it. Written by `python tests/evaluation/ablation.py`. Rules that are gone were measured before they went.",
 )
 
 
@@ -259,12 +278,13 @@ def main() -> None:
     bases = cases_of(asked.by_lab)
     state.run(bases, asked.jobs, "all rules")
     shown = [lab if lab == KEPT else f"{lab} (seeds {s[0]} to {s[-1]})" for lab, s in asked.by_lab.items()]
-    what = f"{len(bases)} runs with all rules: {', '.join(shown)}"
-    rows = []
+    over = f"{len(bases)} runs: {', '.join(shown)}"
+    known = known_rows(asked.out)
+    rows: list[Row] = []
     for rule in asked.rules:
         state.run(state.to_ablate(rule, bases), asked.jobs, f"without {rule}")
-        rows.append(summary(state, rule, bases))
-        written(asked.out, rows, what)
+        rows.append({**summary(state, rule, bases), "over": over})
+        written(asked.out, merged_rows(known, rows))
 
 
 if __name__ == "__main__":
