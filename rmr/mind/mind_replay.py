@@ -101,6 +101,8 @@ class MindReplay:
     ) -> RecordedNode:
         header = self.header
         feed = self._feed
+        # The entries that the log has are made even if nobody wants the trace: they are compared.
+        trace = max(trace, min(header.config.trace, TraceLevel.NOTES))
         told = self._told if header.witnessed else witness
         config = replace(header.config, trace=trace, witness=told, engine=engine or header.config.engine)
         ports = Ports(
