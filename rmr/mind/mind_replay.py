@@ -15,7 +15,7 @@ from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.mind_header import MindHeader, decode_header
-from rmr.mind.mind_reader import Batch, MindCall, MindLogError, Operation, operations_of, read_batch
+from rmr.mind.mind_reader import Batch, LoggedOperation, MindCall, MindLogError, operations_of, read_batch
 from rmr.mind.recorded_node import RecordedNode
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.mind.replayed_actions import replayed_handlers
@@ -294,7 +294,7 @@ def _digests_shown(digests: Sequence[int]) -> str:
     return ", ".join(f"{part} {crc:08x}" for part, crc in zip(DIGESTS, digests, strict=True))
 
 
-def _shown(operation: Operation | None) -> str:
+def _shown(operation: LoggedOperation | None) -> str:
     if operation is None:
         return "nothing"
     value = operation.value
