@@ -40,7 +40,7 @@ def _recover(path: Path) -> int:
 
 def _written(name: str, path: Path, write: Callable[[], "Joined"]) -> int:
     """Write a recording and tell what came of it; return the exit code."""
-    from rmr.record.joining import NothingToDoError
+    from rmr.record.joining import NothingToDoError, UnwritableError
     from rmr.record.mcap_scan import RecordingError
 
     if not path.exists():
@@ -53,7 +53,7 @@ def _written(name: str, path: Path, write: Callable[[], "Joined"]) -> int:
         return ExitCode.OK
     except RecordingError as error:
         print(f"rmr record {name}: {error}", file=sys.stderr)
-        return ExitCode.FAILED
+        return ExitCode.FAILED if isinstance(error, UnwritableError) else ExitCode.INVALID
     for problem in joined.problems:
         print(f"rmr record {name}: {problem}", file=sys.stderr)
     print(f"{joined.file}: {counted(joined.messages, 'messages')}")

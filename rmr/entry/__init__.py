@@ -35,8 +35,9 @@ MEANINGS = {
         "without `--lab`"
     ),
     ExitCode.INVALID: (
-        "an invalid program, byte-code, lab file, key or file of actions, a robot and a lab that do not agree on "
-        "the radio's security, a program with an action that nothing carries out, or one that does not fit the lab"
+        "an invalid program, byte-code, lab file, recording, key or file of actions, a robot and a lab that do not "
+        "agree on the radio's security, a program with an action that nothing carries out, or one that does not fit "
+        "the lab"
     ),
     ExitCode.STRICT: "under `--strict`: finished, but a deadline was missed or robots touched something",
 }

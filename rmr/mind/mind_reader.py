@@ -18,7 +18,7 @@ class MindLogError(ValueError):
     """A batch cannot be used; the message says what is wrong with it."""
 
 
-class Operation(NamedTuple):
+class LoggedOperation(NamedTuple):
     """One operation of a call."""
 
     kind: int
@@ -35,9 +35,9 @@ class MindCall:
     at: Instant
     octets: bytes = b""
     """All operations, the call itself included; without what the host says of itself."""
-    operations: list[Operation] = field(default_factory=list)
+    operations: list[LoggedOperation] = field(default_factory=list)
 
-    def inputs(self) -> list[Operation]:
+    def inputs(self) -> list[LoggedOperation]:
         """Return the inputs that the node fetched."""
         return [each for each in self.operations if each.kind < form.TRANSMIT]
 
@@ -119,7 +119,7 @@ class _Cursor:
                 continue
             else:
                 value = self._operation(kind)
-                calls[-1].operations.append(Operation(kind, value, self._data[start : self._place]))
+                calls[-1].operations.append(LoggedOperation(kind, value, self._data[start : self._place]))
             calls[-1].octets = self._data[begun : self._place]
         return calls, not_delivered, end
 

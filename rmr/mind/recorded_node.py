@@ -211,7 +211,11 @@ class RecordedNode(Node):
         log = self.log
         self._begin(OVERHEAR, now)
         log.overheard(frame)
-        taken = super().overhear(now, frame)
+        try:
+            taken = super().overhear(now, frame)
+        except BaseException as error:
+            self._raised(error)
+            raise
         if taken:
             log.taken()
         else:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from rmr.base.mistake import words
 from rmr.base.time import NEVER, NS_PER_S, Instant, in_seconds
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
@@ -143,11 +144,11 @@ class ReplayCheck:
         began = self._options.clock()
         try:
             for _ in check.replay.run(self._options.end):
-                pass
+                if check.replay.node.trace_log:
+                    self._collect(check.replay)
         except MindLogError as error:
             check.problem = str(error)
         check.took_s += self._options.clock() - began
-        self._collect(check.replay)
 
     def _begin(self, check: MindCheck, data: bytes) -> None:
         """Begin the replay of a mind with the first batch of its log, unless something speaks against it."""
@@ -167,6 +168,8 @@ class ReplayCheck:
             check.replay = MindReplay([data], self.program, engine=options.engine, trace=level, since=options.begin)
         except ValueError as error:
             check.problem = str(error)
+        except Exception as error:  # a header that is well-formed, and that no robot can have
+            check.problem = f"its node cannot be made anew: {words(error)}"
 
     # -- the trace ----------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
 from rmr.mind import mind_format as form
 from rmr.mind.mind_log import MindLog
-from rmr.mind.mind_reader import Operation
+from rmr.mind.mind_reader import LoggedOperation
 from rmr.node.executive import FRAME_BUDGET
 from rmr.node.ports import Confirmed, Received, Sensed
 
@@ -16,7 +16,7 @@ class ReplayFeed:
 
     def __init__(self, payload_max: int) -> None:
         self.payload_max: Final = payload_max
-        self._inputs: list[Operation] = []
+        self._inputs: list[LoggedOperation] = []
         self._next = 0
         self._asks = 0
         self._refused: Received | None = None
@@ -26,7 +26,7 @@ class ReplayFeed:
         """Actions of users that have begun."""
         self._offered: tuple[tuple[int, float], ...] = ()
 
-    def begin(self, inputs: list[Operation]) -> None:
+    def begin(self, inputs: list[LoggedOperation]) -> None:
         """Begin a call with these inputs."""
         self._inputs = inputs
         self._next = 0

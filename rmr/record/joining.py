@@ -50,18 +50,25 @@ class NothingToDoError(RecordingError):
     """The recording is one whole file already."""
 
 
+class UnwritableError(RecordingError):
+    """The new file cannot be written, now or there."""
+
+
 def join_run(folder: Path, target: Path | None = None) -> Joined:
     """Join the files of the processes of the run in `folder` into `target` (None: its ``run.mcap``) and remove them.
 
     Files that came later are added to those joined before; a file that a process is writing stays. Raises
-    RecordingError if the new file cannot be written, NothingToDoError if there are no files; nothing is removed then.
+    RecordingError if there is no recording, UnwritableError if the new file cannot be written, NothingToDoError if
+    there are no files to join; nothing is removed then.
     """
+    if not folder.is_dir():
+        raise RecordingError(f"{folder}: no run folder")
     joined_before = [file for file in [folder / RUN_FILE] if file.is_file()]
     files, later = _parts(folder)
     if not files and joined_before and not later:
         raise NothingToDoError(f"{folder / RUN_FILE} is one file: there is nothing to join")
     if not files and later:
-        raise RecordingError(f"{later[0]}: a process is still writing it; end the run first")
+        raise UnwritableError(f"{later[0]}: a process is still writing it; end the run first")
     with merged([*joined_before, *files], folder) as recording:
         for file in later:
             recording.add_problem(f"{file}: a process is still writing it; it is left out")
@@ -95,7 +102,7 @@ def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
 def recover(path: Path) -> Joined:
     """Give a file that was cut short its index, or join what is left of a run folder.
 
-    Raises RecordingError, NothingToDoError if the file is whole.
+    Raises RecordingError, UnwritableError, NothingToDoError if the file is whole.
     """
     if path.is_dir():
         if not (path / RUN_FILE).is_file() or part_files(path):
@@ -105,7 +112,7 @@ def recover(path: Path) -> Joined:
         if recording.complete:
             raise NothingToDoError(f"{path}: the file is whole: there is nothing to recover")
         if recording.parts[0].scan.being_written:
-            raise RecordingError(f"{path}: a process is still writing it; end the run first")
+            raise UnwritableError(f"{path}: a process is still writing it; end the run first")
         return rewrite(recording, path, None)
 
 
@@ -141,7 +148,7 @@ def rewrite(recording: Recording, target: Path, report: bytes | None, parts: Map
             partial.unlink()
     if writer.failure is not None:
         reason = writer.failure.rpartition(": ")[2]
-        raise RecordingError(f"cannot write {target}: {reason}; what was recorded is where it was")
+        raise UnwritableError(f"cannot write {target}: {reason}; what was recorded is where it was")
     return Joined(target, writer.count, problems)
 
 

@@ -100,6 +100,33 @@ def test_compiled_and_interpreted_runs_are_the_same_to_the_bit(folder, labs):
 
 
 @pytest.mark.timeout(550)
+def test_minds_recorded_in_one_form_are_replayed_equally_in_the_other(folder, labs, tmp_path):
+    failing, seed, _, actions = labs[-1]
+    words = {"corridor": ["deploy/labs/corridor", "--chaos"], "failing": [failing, "--actions", actions]}
+    for name, lab in words.items():
+        for recorded, replayed in ((str(folder), ""), ("", str(folder))):
+            run = str(tmp_path / f"{name}-{bool(recorded)}")
+            rmr(recorded, "sim", *lab, "--seed", str(seed), "--run", run)
+            answer = rmr(replayed, "replay", run, "--json")
+            assert answer.returncode == 0, answer.stdout + answer.stderr
+            found = json.loads(answer.stdout)
+            assert found["equal"]
+            assert found["compiled"] is bool(replayed)
+            assert {each["compiled"] for each in found["minds"]} == {bool(recorded)}
+
+
+def rmr(compiled, *words):
+    """Run `rmr`, with the modules in the folder `compiled`, or interpreted if it is empty."""
+    return subprocess.run(
+        [sys.executable, "-c", "from rmr.cli import main; main()", *words],
+        env={**os.environ, "RMR_COMPILED": compiled},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.timeout(550)
 def test_compiled_values_go_from_process_to_process(folder):
     command = ["contention", "--senders", "3", "--seconds", "2", "--seeds", "4", "--json"]
     outputs = {

@@ -200,3 +200,14 @@ def test_operations_that_are_none_are_malformed(log):
 def test_a_log_that_was_cut_off_has_not_ended(run, log):
     replay = replayed(log[:-1], run.program)
     assert (replay.difference, replay.ended) == (None, False)
+
+
+def test_an_exception_of_the_replay_alone_is_a_difference(run, log):
+    replay = MindReplay(log, run.program)
+    for _ in replay.run(seconds(5)):
+        pass
+    replay.node.driver.navigator = None
+    for _ in replay.run():
+        pass
+    assert replay.difference.at > seconds(5)
+    assert "AttributeError: 'NoneType' object has no attribute" in replay.difference.replayed
