@@ -18,7 +18,7 @@ from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
 from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.interval_parts import cut_at, deaths, without
+from rmr.why.interval_parts import cut_at, deaths, merged, without
 from rmr.why.pending import newest_arrival, next_supplier, on_their_way
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
@@ -108,13 +108,7 @@ class CriticalPath:
 
     def intervals(self) -> tuple[Interval, ...]:
         """Return what has been found, in the order of time; neighbours with the same owner are one."""
-        merged: list[Interval] = []
-        for interval in reversed(self._found):
-            if merged and merged[-1][2:] == interval[2:]:
-                merged[-1] = merged[-1]._replace(end=interval.end)
-            else:
-                merged.append(interval)
-        return tuple(merged)
+        return merged(reversed(self._found))
 
     def follow(self, step: Step | None) -> None:
         """Go back step by step until the start is reached."""
