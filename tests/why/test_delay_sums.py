@@ -9,7 +9,7 @@ LAB_FOLDERS = ("corridor", "twoway", "hall", "testbed", "formation")
 
 
 KINDS = ((), ("--loss", "0.6"), ("--chaos",))
-"""Of three seeds one runs as the lab file says, one loses most frames, one has drawn faults: more deadlines are missed."""
+"""Of three seeds one runs as the lab file says, one loses most frames, one has drawn faults: so more are missed."""
 
 
 def rush(folder, seed, *words):
