@@ -44,6 +44,8 @@ class RadioLink:
         """Takes in a frame for which the node need not be called; what it refuses waits for the node's call."""
         self.frames: FrameLog | None = None
         """Takes note of each transmission, where the robot is recorded."""
+        self.dropped = 0
+        """Frames and outcomes that a full queue has dropped."""
         self.malformed = 0
         """Announcements that cannot be: of a time that is far from come."""
 
@@ -93,10 +95,12 @@ class RadioLink:
                 if self.frames is not None:
                     self.frames.announced(out)
             elif isinstance(out, Confirmed):
+                self.dropped += len(self._confirmed) == FRAMES_MAX
                 self._confirmed.append(out)
                 if self.frames is not None:
                     self.frames.confirmed(now, out)
             elif self._received or not self.overhear(now, out):
+                self.dropped += len(self._received) == FRAMES_MAX
                 self._received.append(out)
 
 
@@ -108,12 +112,15 @@ class BusBody:
         self._samples: deque[Sensed] = deque(maxlen=SAMPLES_MAX)
         self.place: tuple[float, float] | None = None
         """The robot's true place, for the radio alone; None before the first sample."""
+        self.dropped = 0
+        """Samples that a full queue has dropped."""
         self.twist = STILL
         """The last command."""
 
     def feed(self, sample: wire.Sense) -> None:
         """Take in a sample from the bus."""
         bodies = tuple([SeenBody(*body) for body in sample.bodies])
+        self.dropped += len(self._samples) == SAMPLES_MAX
         self._samples.append(Sensed(*sample._replace(bodies=bodies)))  # type: ignore[arg-type]
         self.place = sample.truth[:2]
 

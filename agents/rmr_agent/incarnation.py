@@ -241,10 +241,14 @@ class Incarnation:
         """Do nothing more."""
         self._over = True
         if isinstance(self.node, RecordedNode):
-            self.node.end_log(refused=self.link.malformed)
+            self._tell_not_delivered(self.node)
+            self.node.end_log()
         self._air.leave()
         if self._timer is not None:
             self._timer.cancel()
+
+    def _tell_not_delivered(self, node: RecordedNode) -> None:
+        node.not_delivered(self.body.dropped, self.link.dropped, self.link.malformed)
 
     # -- turns ----------------------------------------------------------------------------------------------
 
@@ -274,6 +278,8 @@ class Incarnation:
         if not self.started:
             self.started = True
             self.node.start(now)
+        if isinstance(self.node, RecordedNode):
+            self._tell_not_delivered(self.node)
         x, y = self.body.place
         sampled = self.body.waiting and self.node.next_wake - now > FRAME
         for _ in range(TURNS_MAX):

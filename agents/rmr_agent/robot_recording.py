@@ -47,9 +47,10 @@ class RobotRecording:
 
     def _look(self, now: Instant) -> None:
         """Look at the robot after a turn."""
-        if self._observer is not None and self._incarnation is not None and self._observer.looks(now):
+        observer = self._observer
+        if observer is not None and now >= observer.look_due and self._incarnation is not None:
             node = self._incarnation.node
-            self._observer.look(now, pose_of(node), route_of(node))
+            observer.look(now, pose_of(node), route_of(node))
 
     def trace(self, entries: Iterable[Mapping[str, Any]]) -> None:
         """Take what the robot has noted."""

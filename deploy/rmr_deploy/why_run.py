@@ -94,13 +94,19 @@ def _answer(
     as_dot: bool,
 ) -> int:
     histories = ReplayedHistories(recording)
-    past = Past(histories)
+    past = Past(histories, histories.variables)
     if robot is not None and robot not in past.robots:
         raise WhyError(f"robot {robot} is not in the lab that runs, {recording.about.lab}")
     asked = question(fact, past.program, list(past.robots), robot)
+    if asked.owner is not None and not past.minds(asked.owner):
+        raise UnexplainableError("; ".join(histories.problems) or f"what robot {asked.owner} did was not recorded")
+    if not recording.complete and asked.owner is not None:
+        histories.end_with(asked.owner)
     answer = why_not(past, asked, at, depth) if absent else why(past, asked, at, depth, more)
     if not recording.complete:
-        answer.notes.append(f"the recording is not complete: the run is known until {seconds_text(past.known_until)}")
+        whose = "the run" if asked.owner is None else f"robot {asked.owner}"
+        until = seconds_text(past.known_until)
+        answer.notes.append(f"the recording has not been finished: {whose} is known until {until}")
     if as_json:
         print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
         return ExitCode.OK

@@ -22,6 +22,8 @@ COMMANDS: dict[str, str] = {
     "explain": "Explain an error or a warning.",
     "fmt": "Bring programs into canonical layout.",
     "radio": "Try what the radio will carry.",
+    "record": "Join, recover and list recordings of runs.",
+    "replay": "Execute the recorded minds of a run anew and check them.",
 }
 """The language's own subcommands, each the `command` of its module, and their summaries."""
 

@@ -50,6 +50,9 @@ NEIGHBORS: Final = 14
 """Length and msgpack of [[robot, metres], ...]: what the host offers from now on."""
 ACTED: Final = 15
 """Length and msgpack of a step of a user's handler (`recorded_actions`)."""
+NESTED: Final = 16
+"""Length and msgpack of [number of an event, predicate, [arguments]]: a fact that the witness inserted when it was told
+of this event of the call, counted from 1."""
 
 # Outputs.
 TRANSMIT: Final = 20
@@ -63,13 +66,14 @@ TAKEN: Final = 23
 RAISED: Final = 24
 """Length and text of the exception that ended the call."""
 DIGEST: Final = 25
-"""CRC of the outputs since the previous digest, and of the node's state before this call. Once a second."""
+"""Once a second: CRCs of the outputs since the previous digest, of all operations since then, and of a part of the
+node's state before this call."""
 
 # Of the host: neither input nor output of the mind.
 NOT_DELIVERED: Final = 30
 """Samples and frames that the host dropped because a queue was full, and frames that it refused; totals."""
 END: Final = 31
-"""The incarnation ended, or the recording did, in good order."""
+"""The incarnation ended, or the recording did, in good order; with a last digest."""
 
 CALL: Final = Struct("<Bq")
 FRAME: Final = Struct("<HdBBqB")
@@ -85,7 +89,7 @@ BLOB: Final = Struct("<BI")
 TRANSMIT_HEAD: Final = Struct("<BiIB")
 ACT_WHOLE: Final = Struct("<Bddq")
 NOTE_WHOLE: Final = Struct("<BBI")
-DIGEST_WHOLE: Final = Struct("<BII")
+DIGEST_WHOLE: Final = Struct("<BIII")
 NOT_DELIVERED_WHOLE: Final = Struct("<BQQQ")
 
 STATUSES: Final = ("ok", "no_ack", "access_failure")

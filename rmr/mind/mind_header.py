@@ -54,6 +54,8 @@ class MindHeader:
     """Whether the host measured processor time."""
     neighbors: bool
     """Whether the host offered who is in range."""
+    witnessed: bool
+    """Whether somebody was told what happened in the robot, and might insert facts."""
     actions: tuple[UserAction, ...]
     versions: dict[str, str]
     compiled: bool
@@ -68,6 +70,7 @@ def encode_header(
     bodily: bool,
     timed: bool,
     neighbors: bool,
+    witnessed: bool,
 ) -> bytes:
     """Return the header of a node with this configuration."""
     return pack(
@@ -78,6 +81,7 @@ def encode_header(
             "bodily": bodily,
             "timed": timed,
             "neighbors": neighbors,
+            "witnessed": witnessed,
             "actions": [
                 [name, handler.effect, handler.wheels, handler.takes_over, handler.at_once, handler.to_area]
                 for name, handler in sorted(handlers.items())
@@ -99,6 +103,7 @@ def decode_header(data: bytes) -> MindHeader:
             bodily=found["bodily"],
             timed=found["timed"],
             neighbors=found["neighbors"],
+            witnessed=found["witnessed"],
             actions=tuple(UserAction(*each) for each in found["actions"]),
             versions=dict(found["versions"]),
             compiled=found["compiled"],

@@ -21,6 +21,7 @@ from rmr.mind.mind_format import (
     HEAD,
     MAGIC,
     NEIGHBORS,
+    NESTED,
     NOT_DELIVERED,
     NOTE,
     OFFERED,
@@ -54,7 +55,6 @@ MindSink = Callable[[Instant, int, int, bytes], None]
 
 _OFFERED: Final = bytes([OFFERED])
 _TAKEN: Final = bytes([TAKEN])
-_END: Final = bytes([END])
 _STATUS: Final = {status: number for number, status in enumerate(STATUSES)}
 
 
@@ -74,12 +74,15 @@ class MindLog:
         self._batch_base: Instant = 0
         self._crc = 0
         """Of the outputs since the last digest."""
+        self._crc_all = 0
+        """Of all operations since the last digest, as far as they are no more here."""
         self.asks = 0
         """Questions after the time of the frame, within this call."""
         self.refused: Received | None = None
         """The frame that `overhear` refused last."""
         self.closed = False
-        self._not_delivered = (0, 0, 0)
+        self._lost = (0, 0, 0)
+        self._lost_logged = (0, 0, 0)
 
     # -- calls --------------------------------------------------------------------------------------------------
 
@@ -157,6 +160,10 @@ class MindLog:
         """Log who is in range, as the host has it."""
         self._blob(NEIGHBORS, offered)
 
+    def nested(self, fact: bytes) -> None:
+        """Log a fact that is inserted within a call."""
+        self._blob(NESTED, fact)
+
     def acted(self, step: bytes) -> None:
         """Log a step of a user's handler."""
         self._blob(ACTED, step)
@@ -196,31 +203,47 @@ class MindLog:
         self._output(data)
 
     def digest(self, state: bytes) -> None:
-        """Log the digests of the outputs since the last one and of the node's `state`."""
-        self._parts.append(pack_digest(DIGEST, self._crc, crc32(state)))
+        """Log the digests of all that was logged up to the last `flush` or `take`, and of the node's `state`."""
+        self._parts.append(pack_digest(DIGEST, *self.digests(state)))
         self._crc = 0
+        self._crc_all = 0
 
     # -- batches ------------------------------------------------------------------------------------------------
 
     def not_delivered(self, samples: int, frames: int, refused: int) -> None:
-        """Log totals of what the host has not delivered, if they have changed."""
-        totals = (samples, frames, refused)
-        if totals != self._not_delivered:
-            self._not_delivered = totals
-            self._parts.append(pack_not_delivered(NOT_DELIVERED, samples, frames, refused))
+        """Take totals of samples and frames that the host has dropped, and of frames that it has refused."""
+        self._lost = (samples, frames, refused)
 
-    def end(self) -> None:
+    def digests(self, state: bytes) -> tuple[int, int, int]:
+        """Return the digests of what was logged up to the last `flush` or `take`, and of the node's `state`."""
+        return self._crc, self._crc_all, crc32(state)
+
+    def end(self, state: bytes) -> None:
         """End the log in good order; nothing is logged any more."""
         if not self.closed:
-            self._parts.append(_END)
-            self.flush()
+            self._flush(state)
             self.closed = True
 
     def flush(self) -> None:
         """Hand over what has been logged, up to a call that is over."""
+        self._flush(None)
+
+    def _flush(self, state: bytes | None) -> None:
+        """Hand over what has been logged, with the end of the log if there is a last `state`."""
         sink = self._sink
         if sink is None:
             return
+        body = b"".join(self._parts)
+        self._crc_all = crc32(body, self._crc_all)
+        self._parts.clear()
+        if body:
+            self._parts.append(body)
+        if self._lost != self._lost_logged:
+            self._lost_logged = self._lost
+            samples, frames, refused = self._lost
+            self._parts.append(pack_not_delivered(NOT_DELIVERED, samples, frames, refused))
+        if state is not None:
+            self._parts.append(pack_digest(END, *self.digests(state)))
         if not self.closed and (self._parts or self._header):
             flags = HAS_HEADER if self._header else 0
             head = HEAD.pack(MAGIC, VERSION, flags, self._number, self._batch_base, len(self._header))
@@ -234,6 +257,7 @@ class MindLog:
     def take(self) -> bytes:
         """Return and forget what has been logged since the last call; for a log without a sink."""
         taken = b"".join(self._parts)
+        self._crc_all = crc32(taken, self._crc_all)
         self._parts.clear()
         return taken
 

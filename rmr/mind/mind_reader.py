@@ -52,8 +52,8 @@ class Batch(NamedTuple):
     calls: list[MindCall]
     not_delivered: tuple[int, int, int] | None
     """Totals of samples and frames dropped and of frames refused, if they have changed."""
-    ended: bool
-    """Whether the log ends here in good order."""
+    end: tuple[int, int, int] | None
+    """The last digest, if the log ends here in good order."""
 
 
 def read_batch(data: bytes) -> Batch:
@@ -94,11 +94,11 @@ class _Cursor:
         self._end = end
         self._now: Instant = 0
 
-    def calls(self, base: Instant) -> tuple[list[MindCall], tuple[int, int, int] | None, bool]:
-        """Return the calls up to the end, what was not delivered, and whether the log ends."""
+    def calls(self, base: Instant) -> tuple[list[MindCall], tuple[int, int, int] | None, tuple[int, int, int] | None]:
+        """Return the calls up to the end, what was not delivered, and the last digest, if there are any."""
         calls: list[MindCall] = []
         not_delivered = None
-        ended = False
+        end = None
         self._now = base
         begun = self._place
         while self._place < self._end:
@@ -110,18 +110,18 @@ class _Cursor:
                 calls.append(MindCall(kind, self._now))
                 begun = start
             elif kind == form.NOT_DELIVERED:
-                _, *totals = self._unpack(form.NOT_DELIVERED_WHOLE)
-                not_delivered = (totals[0], totals[1], totals[2])
+                _, samples, frames, refused = self._unpack(form.NOT_DELIVERED_WHOLE)
+                not_delivered = (samples, frames, refused)
                 continue
             elif kind == form.END:
-                self._place += 1
-                ended = True
+                _, outputs, everything, state = self._unpack(form.DIGEST_WHOLE)
+                end = (outputs, everything, state)
                 continue
             else:
                 value = self._operation(kind)
                 calls[-1].operations.append(Operation(kind, value, self._data[start : self._place]))
             calls[-1].octets = self._data[begun : self._place]
-        return calls, not_delivered, ended
+        return calls, not_delivered, end
 
     def _unpack(self, what: Struct) -> tuple[Any, ...]:
         if self._place + what.size > self._end:
@@ -154,7 +154,7 @@ class _Cursor:
                 return [self._sample() for _ in range(count)]
             case form.OVERRUN:
                 return self._unpack(form.COUNTED)[1]
-            case form.FACT | form.NEIGHBORS | form.ACTED:
+            case form.FACT | form.NEIGHBORS | form.ACTED | form.NESTED:
                 return unpack(self._blob())
             case _:
                 return self._output(kind)

@@ -6,7 +6,8 @@ other. So the first operation that differs is named with both values.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -53,12 +54,15 @@ class MindReplay:
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
         provenance: ProvenanceLog | None = None,
+        since: Instant = 0,
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same; with a log of `provenance` it is the interpreter. Raises MindLogError if the log has no beginning.
+        same; with a log of `provenance` it is the interpreter. Calls before `since` are carried out, but neither
+        compared nor counted. Raises MindLogError if the log has no beginning.
         """
+        self._since = since
         self._log = iter(log)
         self._fed: deque[bytes] = deque()
         self._number = 0
@@ -70,13 +74,15 @@ class MindReplay:
         self.robot: Final = self.header.config.robot
         self.epoch: Final = self.header.config.epoch
         self._feed = ReplayFeed(self.header.payload_max)
+        self._witness = witness
         node = self._make_node(program, engine, trace, witness, provenance)
+        self._recorded = node
         self._own_log = self._feed.log = node.log
         self.node: Final[Node] = node
         self.now: Instant = 0
         """Instant of the last call."""
         self.began: Instant | None = None
-        """Instant of the first call."""
+        """Instant of the first call that is compared."""
         self.difference: MindDifference | None = None
         """The first one, if there is any."""
         self.inputs = 0
@@ -89,6 +95,7 @@ class MindReplay:
         """Whether the log has ended in good order."""
         self._calls: list[MindCall] = []
         self._place = 0
+        self._end: tuple[int, int, int] | None = None
         self._open(first)
 
     def _make_node(
@@ -101,7 +108,8 @@ class MindReplay:
     ) -> RecordedNode:
         header = self.header
         feed = self._feed
-        config = replace(header.config, trace=trace, witness=witness, engine=engine or header.config.engine)
+        told = self._told if header.witnessed else witness
+        config = replace(header.config, trace=trace, witness=told, engine=engine or header.config.engine)
         config = replace(config, provenance=provenance)
         ports = Ports(
             feed,
@@ -113,6 +121,15 @@ class MindReplay:
         return RecordedNode(
             config, program, ports, replayed_handlers(header.actions, feed), header.program, None, noted
         )
+
+    def _told(self, robot: int, now: Instant, event: object) -> None:
+        """Tell the witness what has happened, and insert the facts that were inserted in answer to it."""
+        if self._witness is not None:
+            self._witness(robot, now, event)
+        node = self._recorded
+        while (fact := self._feed.nested(node.events)) is not None:
+            with suppress(ValueError):
+                node.insert(now, *fact)
 
     def feed(self, batch: bytes) -> None:
         """Add the next batch of the log."""
@@ -133,7 +150,7 @@ class MindReplay:
         self._calls = batch.calls
         self._place = 0
         self._own_log.base = batch.base
-        self.ended = self.ended or batch.ended
+        self._end = batch.end
         if batch.not_delivered is not None:
             self.not_delivered = batch.not_delivered
 
@@ -141,11 +158,21 @@ class MindReplay:
     def next_call(self) -> Instant | None:
         """The instant of the next call; None if the log has no more, yet. Raises MindLogError where it is damaged."""
         while self._place >= len(self._calls):
+            self._check_end()
             batch = self._next_batch()
             if batch is None:
                 return None
             self._open(batch)
         return self._calls[self._place].at
+
+    def _check_end(self) -> None:
+        """Compare the last digest, once all calls before it are carried out."""
+        if self._end is None or self.ended:
+            return
+        self.ended = True
+        found = self._own_log.digests(self._recorded.state_octets())
+        if found != self._end and self.difference is None and self._since <= self.now:
+            self.difference = _digests_compared(self.now, self._end, found)
 
     def step(self) -> bool:
         """Carry out the next call; return whether there was one. Raises MindLogError where the log is damaged."""
@@ -155,11 +182,16 @@ class MindReplay:
         self._place += 1
         base = self._own_log.base
         self.now = call.at
-        if self.began is None:
+        if _interrupted(call):
+            self._since = NEVER
+            return True
+        if self.began is None and call.at >= self._since:
             self.began = call.at
         self._carry_out(call)
-        self._count(call)
         octets = self._own_log.take()
+        if call.at < self._since:
+            return True
+        self._count(call)
         if octets != call.octets and self.difference is None:
             self.difference = compared(call, operations_of(octets, base))
         return True
@@ -200,6 +232,12 @@ class MindReplay:
                 self.outputs += 1
 
 
+def _interrupted(call: MindCall) -> bool:
+    """Return whether Ctrl-C broke the call off: what came of it, and of all after it, cannot be known."""
+    last = call.operations[-1:]
+    return any(each.kind == form.RAISED and each.value.startswith("KeyboardInterrupt") for each in last)
+
+
 def _header(data: bytes) -> MindHeader:
     try:
         return decode_header(data)
@@ -220,6 +258,7 @@ NAMES: Final = {
     form.OVERRUN: "time used up",
     form.NEIGHBORS: "neighbors",
     form.ACTED: "step of a handler",
+    form.NESTED: "fact inserted within",
     form.TRANSMIT: "frame sent",
     form.ACT: "wheel command",
     form.NOTE: "trace",
@@ -230,6 +269,10 @@ NAMES: Final = {
 """Kinds of operations in words."""
 
 
+DIGESTS: Final = ("outputs", "inputs and outputs", "state")
+"""Of what the numbers of a digest are."""
+
+
 def compared(recorded: MindCall, replayed: MindCall) -> MindDifference:
     """Return the first difference of two calls that are not equal."""
     pairs = zip(recorded.operations, replayed.operations, strict=False)
@@ -238,9 +281,21 @@ def compared(recorded: MindCall, replayed: MindCall) -> MindDifference:
         place = min(len(recorded.operations), len(replayed.operations))
     one = recorded.operations[place] if place < len(recorded.operations) else None
     other = replayed.operations[place] if place < len(replayed.operations) else None
+    if one is not None and other is not None and one.kind == other.kind == form.DIGEST:
+        return _digests_compared(recorded.at, one.value, other.value)
     kinds = [NAMES[each.kind] for each in (one, other) if each is not None]
     what = " / ".join(dict.fromkeys(kinds)) or NAMES[recorded.kind]
     return MindDifference(recorded.at, what, _shown(one), _shown(other))
+
+
+def _digests_compared(at: Instant, recorded: Sequence[int], replayed: Sequence[int]) -> MindDifference:
+    parts = [part for part, then, now in zip(DIGESTS, recorded, replayed, strict=True) if then != now]
+    what = f"digest of the time before: {', '.join(parts)}"
+    return MindDifference(at, what, _digests_shown(recorded), _digests_shown(replayed))
+
+
+def _digests_shown(digests: Sequence[int]) -> str:
+    return ", ".join(f"{part} {crc:08x}" for part, crc in zip(DIGESTS, digests, strict=True))
 
 
 def _shown(operation: Operation | None) -> str:
@@ -259,7 +314,7 @@ def _shown(operation: Operation | None) -> str:
             word, crc = value
             return f"{list(EVENTS)[word]} (check sum {crc:08x})"
         case form.DIGEST:
-            return f"outputs {value[0]:08x}, state {value[1]:08x}"
+            return _digests_shown(value)
         case form.TAKEN:
             return "taken in"
         case _:

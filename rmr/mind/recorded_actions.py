@@ -191,10 +191,10 @@ class RecordedServices:
         self._log.add(steps.HALT)
         self._robot.node.halt()
 
-    def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
+    def insert(self, now: Instant, name: str, args: Sequence[Value], by: object = None) -> None:
         """Insert a fact."""
         self._log.add(steps.INSERT, steps.as_value(name), [steps.as_value(arg) for arg in args])
-        self._robot._node.insert(now, name, args)
+        self._robot._node.insert(now, name, args, by)
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something in the trace."""

@@ -22,6 +22,10 @@ class MindMessage(Protocol):
     """A message of a recording."""
 
     @property
+    def at(self) -> Instant:
+        """Its instant."""
+
+    @property
     def data(self) -> dict[str, Any]:
         """Its content: robot, epoch and data, the octets of a batch."""
 
@@ -52,7 +56,7 @@ class RecordedMind:
 
     def log(self) -> Iterator[bytes]:
         """Yield the batches of its log, reading the recording anew."""
-        for robot, epoch, data in batches_of(self.source):
+        for _, robot, epoch, data in batches_of(self.source):
             if (robot, epoch) == (self.robot, self.epoch):
                 yield data
 
@@ -69,8 +73,8 @@ class RecordedMind:
         return MindReplay(self.log(), program, engine=engine, trace=trace, witness=witness, provenance=provenance)
 
 
-def batches_of(source: MindSource) -> Iterator[tuple[int, int, bytes]]:
-    """Yield (robot, epoch, batch) of all minds by time. Raises MindLogError for a message of another form."""
+def batches_of(source: MindSource) -> Iterator[tuple[Instant, int, int, bytes]]:
+    """Yield (instant, robot, epoch, batch) of all minds by time. Raises MindLogError for a message of another form."""
     for message in source.messages((TOPIC,)):
         found = message.data
         robot = found.get("robot")
@@ -80,13 +84,13 @@ def batches_of(source: MindSource) -> Iterator[tuple[int, int, bytes]]:
             raise MindLogError(
                 f"a message of {TOPIC} is none of rmr's: it has {', '.join(map(str, found)) or 'nothing'}"
             )
-        yield robot, epoch, data
+        yield message.at, robot, epoch, data
 
 
 def minds(source: MindSource) -> list[RecordedMind]:
     """Return the minds of a recording, by robot and epoch. Raises MindLogError for messages that are not rmr's."""
     found: dict[tuple[int, int], RecordedMind] = {}
-    for robot, epoch, data in batches_of(source):
+    for _, robot, epoch, data in batches_of(source):
         if (robot, epoch) not in found:
             found[robot, epoch] = _mind(robot, epoch, data, source)
     return [found[key] for key in sorted(found)]

@@ -8,6 +8,7 @@ This module is compiled where a build is, as `Node` is: an interpreted class can
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from struct import Struct
 from typing import Any, Final
 
@@ -31,7 +32,7 @@ _WORDS: Final = {word: number for number, word in enumerate(EVENTS)}
 _UNLOGGED: Final = ("fired", "inserted", "removed")
 """Words of the trace whose entries depend on its level."""
 _pack_state: Final[Callable[..., bytes]] = Struct("<qqqqdddd").pack
-_pack_peer: Final[Callable[..., bytes]] = Struct("<Iqd").pack
+_pack_peer: Final[Callable[..., bytes]] = Struct("<Iqddd").pack
 
 
 class RecordedLink:
@@ -157,6 +158,7 @@ class RecordedNode(Node):
                 bodily=body is not None,
                 timed=ports.spent is not None,
                 neighbors=ports.neighbors is not None,
+                witnessed=config.witness is not None,
             )
         self.log = log = MindLog(config.robot, config.epoch, header, sink)
         host = RecordedHost(ports, log)
@@ -167,13 +169,19 @@ class RecordedNode(Node):
             None if ports.neighbors is None else host.neighbors,
         )
         own = handlers if sink is None else recorded_handlers(handlers, log)
+        self._inside = False
+        self._witness = config.witness
+        self._witnessing = False
+        self.events = 0
+        """Events of which the witness has been told in this call."""
+        if config.witness is not None:
+            config = replace(config, witness=self._told)
         super().__init__(config, program, tapped, own, digest)
         if noted is None:
             noted = config.trace > TraceLevel.NOTHING
         self.notes = self.state.notes = RecordedTrace(config.robot, config.trace, log, noted)
         self._second: Instant = 0
         """When the next digest is due."""
-        self._inside = False
 
     # -- the calls of the host ------------------------------------------------------------------------------------
 
@@ -213,6 +221,8 @@ class RecordedNode(Node):
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
         """Insert a fact of this robot from outside."""
         if self._inside:
+            if self._witnessing:
+                self.log.nested(pack([self.events, name, list(args)]))
             super().insert(now, name, args)
             return
         self._begin(INSERT, now)
@@ -224,6 +234,16 @@ class RecordedNode(Node):
             raise
         self._inside = False
 
+    def _told(self, robot: int, now: Instant, event: object) -> None:
+        """Pass an event on to the witness, which may insert facts."""
+        self.events += 1
+        self._witnessing = True
+        try:
+            assert self._witness is not None
+            self._witness(robot, now, event)
+        finally:
+            self._witnessing = False
+
     def _begin(self, call: int, now: Instant) -> None:
         log = self.log
         if now >= self._second:
@@ -234,6 +254,7 @@ class RecordedNode(Node):
             log.digest(state)
         else:
             log.call(call, now)
+        self.events = 0
         self._inside = True
 
     def _raised(self, error: BaseException) -> None:
@@ -267,11 +288,19 @@ class RecordedNode(Node):
             )
         ]
         for robot, peer in known.items():
-            octets.append(_pack_peer(robot, peer.heard, peer.rssi_dbm))
+            hello = peer.hello
+            x = y = 0.0
+            if hello is not None:
+                x = hello.x
+                y = hello.y
+            octets.append(_pack_peer(robot, peer.heard, peer.rssi_dbm, x, y))
         return b"".join(octets)
 
-    def end_log(self, samples: int = 0, frames: int = 0, refused: int = 0) -> None:
-        """End the log; the numbers are totals of what the host has not delivered (`MindLog.not_delivered`)."""
+    def not_delivered(self, samples: int, frames: int, refused: int = 0) -> None:
+        """Take totals of samples and frames that the host has dropped, and of frames that it has refused."""
+        self.log.not_delivered(samples, frames, refused)
+
+    def end_log(self) -> None:
+        """End the log: the node is not called any more."""
         if not self.log.closed:
-            self.log.not_delivered(samples, frames, refused)
-            self.log.end()
+            self.log.end(self.state_octets())

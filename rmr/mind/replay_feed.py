@@ -58,6 +58,14 @@ class ReplayFeed:
         self._next += 1
         return step
 
+    def nested(self, event: int) -> Any:
+        """Return (predicate, arguments) of the next fact that the witness inserted at this event; None if none."""
+        fact = self.peek(form.NESTED)
+        if fact is None or fact[0] != event:
+            return None
+        self._next += 1
+        return fact[1:]
+
     def offer(self) -> Received:
         """Return the frame that is overheard."""
         frame: Received = self.take(form.OFFERED)

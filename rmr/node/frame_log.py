@@ -22,8 +22,8 @@ OTHER: Final = "other"
 ACK: Final = "ack"
 """The kind of an acknowledgement of a frame."""
 
-Write = Callable[[Instant, dict[str, Any]], None]
-"""Takes a transmission, at its end."""
+Write = Callable[[Instant, Callable[[], dict[str, Any]]], None]
+"""Takes a transmission at its end, as a function that returns it as a dict."""
 
 
 class FrameRequest:
@@ -88,31 +88,49 @@ class FrameLog:
             self._put(self._requests[0] if self._requests else None, announced, announced.end, outcome)
 
     def _put(self, request: FrameRequest | None, sent: Announcement | None, at: Instant, outcome: str | None) -> None:
+        self._write(at, LoggedFrame(self._robot, request, sent, outcome).entry)
+
+
+class LoggedFrame:
+    """A transmission, or a request that led to none."""
+
+    __slots__ = ("_outcome", "_request", "_robot", "_sent")
+
+    def __init__(
+        self, robot: int, request: FrameRequest | None, sent: Announcement | None, outcome: str | None
+    ) -> None:
+        self._robot = robot
+        self._request = request
+        self._sent = sent
+        self._outcome = outcome
+
+    def entry(self) -> dict[str, Any]:
+        """Return it as a message of the channel `/frames`."""
+        request = self._request
+        sent = self._sent
+        outcome = self._outcome
         destination: int | None = None
-        if sent is not None and not sent.attempt & ACK_ATTEMPT:
+        kind = OTHER if request is None else request.kind
+        if sent is not None and sent.attempt & ACK_ATTEMPT:
+            kind = ACK
+        elif sent is not None:
             destination = sent.psdu[5] | sent.psdu[6] << 8
             if destination == BROADCAST:
                 destination = None
                 outcome = "broadcast" if outcome == "ok" else outcome
         octets = 0 if request is None else request.octets
-        kind = OTHER if request is None else request.kind
-        if sent is not None and sent.attempt & ACK_ATTEMPT:
-            kind = ACK
-        self._write(
-            at,
-            {
-                "source": self._robot,
-                "destination": destination,
-                "kind": kind,
-                "octets": octets if sent is None else len(sent.psdu),
-                "handle": None if request is None else request.handle,
-                "asked_s": None if request is None else _s(request.asked),
-                "start_s": None if sent is None else _s(sent.start),
-                "end_s": None if sent is None else _s(sent.end),
-                "attempt": 0 if sent is None else sent.attempt & ~ACK_ATTEMPT,
-                "outcome": outcome,
-            },
-        )
+        return {
+            "source": self._robot,
+            "destination": destination,
+            "kind": kind,
+            "octets": octets if sent is None else len(sent.psdu),
+            "handle": None if request is None else request.handle,
+            "asked_s": None if request is None else _s(request.asked),
+            "start_s": None if sent is None else _s(sent.start),
+            "end_s": None if sent is None else _s(sent.end),
+            "attempt": 0 if sent is None else sent.attempt & ~ACK_ATTEMPT,
+            "outcome": outcome,
+        }
 
 
 def _s(instant: Instant) -> float:

@@ -40,7 +40,7 @@ class GrowingRecording(Recording):
             self.parts = (*self.parts, part)
         else:
             part.scan.close()
-            self._tell(f"{file}: of another run; it is left out")
+            self.add_problem(f"{file}: of another run; it is left out")
 
     def news(self) -> list[Message]:
         """Return the messages that have come since the last call, in order of time among themselves."""

@@ -5,11 +5,13 @@ Messages are read and written one by one, in order of time. The new file takes i
 nothing that was there is changed.
 """
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from rmr.record.being_written import is_being_written
 from rmr.record.channels import BY_TOPIC
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
@@ -19,6 +21,7 @@ from rmr.record.recording import (
     RUN_FILE,
     Recording,
     merged,
+    open_part,
     open_recording,
     part_files,
 )
@@ -27,6 +30,11 @@ from rmr.record.run_files import REPORT
 
 JOINED: Final = "joined"
 """The process of a file that several files were joined into."""
+
+
+PARTS_NAME: Final = "parts"
+"""The metadata record of a joined file with the files that it holds: name, and octets. A part that could not be removed
+is not joined twice."""
 
 
 class Joined(NamedTuple):
@@ -38,18 +46,29 @@ class Joined(NamedTuple):
     """What is missing."""
 
 
+class NothingToDoError(RecordingError):
+    """The recording is one whole file already."""
+
+
 def join_run(folder: Path, target: Path | None = None) -> Joined:
     """Join the files of the processes of the run in `folder` into `target` (None: its ``run.mcap``) and remove them.
 
-    Raises RecordingError if there are none, or the new file cannot be written; nothing is removed then.
+    Files that came later are added to those joined before; a file that a process is writing stays. Raises
+    RecordingError if the new file cannot be written, NothingToDoError if there are no files; nothing is removed then.
     """
-    files = part_files(folder)
-    if not files and (folder / RUN_FILE).is_file():
-        raise RecordingError(f"{folder / RUN_FILE} is one file: there is nothing to join")
-    with merged(files, folder) as recording:
-        joined = rewrite(recording, target or folder / RUN_FILE, report_of(folder))
-        used = [Path(part.scan.name) for part in recording.parts]
-    for file in used:
+    joined_before = [file for file in [folder / RUN_FILE] if file.is_file()]
+    files, later = _parts(folder)
+    if not files and joined_before and not later:
+        raise NothingToDoError(f"{folder / RUN_FILE} is one file: there is nothing to join")
+    if not files and later:
+        raise RecordingError(f"{later[0]}: a process is still writing it; end the run first")
+    with merged([*joined_before, *files], folder) as recording:
+        for file in later:
+            recording.add_problem(f"{file}: a process is still writing it; it is left out")
+        parts = [Path(part.scan.name) for part in recording.parts if part.scan.name != str(folder / RUN_FILE)]
+        sizes = {file.name: str(file.stat().st_size) for file in parts}
+        joined = rewrite(recording, target or folder / RUN_FILE, report_of(folder), sizes)
+    for file in parts:
         with suppress(OSError):
             file.unlink()
     with suppress(OSError):  # files of another run stay
@@ -57,15 +76,36 @@ def join_run(folder: Path, target: Path | None = None) -> Joined:
     return joined
 
 
+def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the files to join, and those that a process is writing. Files that are joined already are removed."""
+    known: dict[str, str] = {}
+    with suppress(RecordingError):
+        known = open_part(folder / RUN_FILE).scan.metadata.get(PARTS_NAME, {})
+    files: list[Path] = []
+    later: list[Path] = []
+    for file in part_files(folder):
+        with suppress(OSError):
+            if known.get(file.name) == str(file.stat().st_size):
+                file.unlink()
+            else:
+                (later if is_being_written(file) else files).append(file)
+    return files, later
+
+
 def recover(path: Path) -> Joined:
-    """Give a file that was cut short its index, or join what is left of a run folder. Raises RecordingError."""
+    """Give a file that was cut short its index, or join what is left of a run folder.
+
+    Raises RecordingError, NothingToDoError if the file is whole.
+    """
     if path.is_dir():
-        if not (path / RUN_FILE).is_file():
+        if not (path / RUN_FILE).is_file() or part_files(path):
             return join_run(path)
         path = path / RUN_FILE
     with open_recording(path) as recording:
         if recording.complete:
-            raise RecordingError(f"{path}: the file is whole: there is nothing to recover")
+            raise NothingToDoError(f"{path}: the file is whole: there is nothing to recover")
+        if recording.parts[0].scan.being_written:
+            raise RecordingError(f"{path}: a process is still writing it; end the run first")
         return rewrite(recording, path, None)
 
 
@@ -77,8 +117,8 @@ def report_of(folder: Path) -> bytes | None:
         return None
 
 
-def rewrite(recording: Recording, target: Path, report: bytes | None) -> Joined:
-    """Write `recording` to `target`, with `report` if it has none. Raises RecordingError."""
+def rewrite(recording: Recording, target: Path, report: bytes | None, parts: Mapping[str, str] | None = None) -> Joined:
+    """Write `recording` to `target`, with `report` if it has none; `parts` are noted in it. Raises RecordingError."""
     partial = target.with_name(f".{target.name}.new")
     process = JOINED if len(recording.parts) > 1 else recording.about.process
     writer = RecordWriter(partial, replace(recording.about, process=process))
@@ -88,6 +128,8 @@ def rewrite(recording: Recording, target: Path, report: bytes | None) -> Joined:
         problems = (*recording.problems, *unknown)
         if problems:
             writer.note(PROBLEMS_NAME, {str(number): problem for number, problem in enumerate(problems, 1)})
+        if parts is not None:
+            writer.note(PARTS_NAME, parts)
         writer.close()
         if writer.failure is None:
             partial.replace(target)
@@ -105,7 +147,7 @@ def rewrite(recording: Recording, target: Path, report: bytes | None) -> Joined:
 
 def _copy_files(recording: Recording, writer: RecordWriter, report: bytes | None) -> None:
     """Copy attachments and metadata."""
-    noted = {METADATA_NAME, PROBLEMS_NAME}
+    noted = {METADATA_NAME, PROBLEMS_NAME, PARTS_NAME}
     for part in recording.parts:
         for name, values in part.scan.metadata.items():
             if name not in noted:
@@ -124,7 +166,7 @@ def _copy_messages(recording: Recording, writer: RecordWriter) -> list[str]:
     unknown: dict[str, int] = {}
     for raw in recording.raw_messages():
         if raw.topic in BY_TOPIC:
-            writer.write_encoded(raw.topic, raw.at, raw.octets)
+            writer.write(raw.topic, raw.at, raw.octets)
         else:
             unknown[raw.topic] = unknown.get(raw.topic, 0) + 1
         if writer.failure is not None:

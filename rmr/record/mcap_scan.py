@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 import zstandard
 
+from rmr.record.being_written import is_locked
 from rmr.record.mcap_format import (
     CHUNK_HEAD,
     HEAD,
@@ -128,6 +129,11 @@ class McapScan:
             except FormatError:
                 return
             self.end += HEAD.size + length
+
+    @property
+    def being_written(self) -> bool:
+        """Whether a process is writing the file."""
+        return is_locked(self._file)
 
     @property
     def cut_octets(self) -> int:

@@ -1,6 +1,7 @@
 """Writes the true poses of all robots: ten times a second while any moves, once a second while none does."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Final
 
 from rmr.base.geometry import Pose
@@ -26,4 +27,4 @@ class PoseRecorder:
         if present != self._last or now >= self._due:
             self._last = present
             self._due = now + NS_PER_S
-            self._writer.write_encoded("/tf", now, transforms_json(now, present))
+            self._writer.write("/tf", now, partial(transforms_json, now, present))

@@ -3,6 +3,9 @@
 A host that records goes on whatever happens: a file that cannot be written any more (a full disk) is closed, `failure`
 says why, and all that is written later is dropped. The host says so once.
 
+Messages are encoded some dozens at a time: between two turns of a robot the code of an encoder has left the processor's
+caches, and one message then costs five times as much.
+
 A host in real time calls `flush` once a second: what was written before is then in the file, and survives the end of
 the process. One in virtual time does not, so that its file depends on the messages alone.
 """
@@ -17,6 +20,7 @@ import msgpack  # type: ignore[import-untyped]
 
 from rmr import __version__
 from rmr.base.time import Instant
+from rmr.record.being_written import lock
 from rmr.record.channels import BY_TOPIC, schema_of
 from rmr.record.mcap_writer import McapWriter, OctetSink
 from rmr.record.run_about import METADATA_NAME, RunAbout
@@ -31,6 +35,12 @@ MEDIA_TYPES: Final = {
 }
 """Media types of attachments, by suffix; others are octets."""
 
+BATCH: Final = 64
+"""Messages that are encoded together at most."""
+
+Content = Mapping[str, Any] | bytes
+"""A message, or one that has its channel's encoding already."""
+
 encode_json: Final = json.JSONEncoder(separators=(",", ":")).encode
 
 
@@ -44,6 +54,8 @@ class RecordWriter:
         """Why the recording ended early, as a sentence; None while all is well."""
         self.count = 0
         """Number of messages written."""
+        self._pending: list[tuple[str, Instant, Callable[[], Content] | Content]] = []
+        """Messages that are not encoded yet."""
         self._numbers: dict[str, int] = {}
         """Channel numbers by topic."""
         self._file = sink
@@ -52,7 +64,9 @@ class RecordWriter:
 
     def _open(self, about: RunAbout) -> None:
         if self._file is None:
-            self._file = self.path.open("wb", buffering=0)
+            file = self.path.open("wb", buffering=0)
+            lock(file.fileno())
+            self._file = file
         self._mcap = McapWriter(self._file, LIBRARY)
         self._mcap.metadata(METADATA_NAME, about.to_metadata())
 
@@ -64,6 +78,7 @@ class RecordWriter:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
+        self._pending.clear()
         self.failure = f"the recording {self.path} ends early: {error.strerror or error}"
         self._mcap = None
         self._close_file()
@@ -74,23 +89,30 @@ class RecordWriter:
             with suppress(OSError):
                 file.close()
 
-    def write(self, topic: str, now: Instant, message: Mapping[str, Any]) -> None:
-        """Write `message` on the channel `topic` at `now`; an instant before 0 counts as 0."""
-        if BY_TOPIC[topic].encoding == "json":
-            self.write_encoded(topic, now, encode_json(message).encode())
-        else:
-            packed: bytes = msgpack.packb(message)
-            self.write_encoded(topic, now, packed)
+    def write(self, topic: str, now: Instant, content: Callable[[], Content] | Content) -> None:
+        """Write a message on the channel `topic` at `now`; an instant before 0 counts as 0.
 
-    def write_encoded(self, topic: str, now: Instant, data: bytes) -> None:
-        """Write a message that has the channel's encoding already."""
+        `content` is a dict, which is not changed afterwards, its encoded octets, or a function that returns either and
+        is called later.
+        """
+        if self._mcap is not None:
+            self._pending.append((topic, now, content))
+            if len(self._pending) >= BATCH:
+                self._encode()
+
+    def _encode(self) -> None:
+        """Encode the messages that wait and put them into the present chunk."""
         mcap = self._mcap
+        pending = self._pending
+        self._pending = []
         if mcap is None:
             return
         try:
-            number = self._numbers.get(topic) or self._channel(mcap, topic)
-            mcap.message(number, max(0, now), data)
-            self.count += 1
+            for topic, now, content in pending:
+                made = content() if callable(content) else content
+                number = self._numbers.get(topic) or self._channel(mcap, topic)
+                mcap.message(number, max(0, now), made if isinstance(made, bytes) else _encoded(topic, made))
+                self.count += 1
         except OSError as error:
             self._fail(error)
 
@@ -119,12 +141,22 @@ class RecordWriter:
 
     def flush(self) -> None:
         """Put all that has been written into the file."""
+        self._encode()
         if self._mcap is not None:
             self._attempt(self._mcap.flush)
 
     def close(self) -> None:
         """Write the index and close the file."""
+        self._encode()
         if self._mcap is not None:
             self._attempt(self._mcap.finish)
             self._mcap = None
             self._close_file()
+
+
+def _encoded(topic: str, message: Mapping[str, Any]) -> bytes:
+    """Return `message` in the encoding of its channel."""
+    if BY_TOPIC[topic].encoding == "json":
+        return encode_json(message).encode()
+    packed: bytes = msgpack.packb(message)
+    return packed

@@ -103,7 +103,7 @@ class Recording:
         try:
             data = json.loads(raw.octets) if raw.encoding == "json" else msgpack.unpackb(raw.octets)
         except (ValueError, msgpack.UnpackException, RecursionError) as error:
-            self._tell(f"a message of {raw.topic} at {in_seconds(raw.at):.3f} s cannot be read: {error}")
+            self.add_problem(f"a message of {raw.topic} at {in_seconds(raw.at):.3f} s cannot be read: {error}")
             return None
         return data if isinstance(data, dict) else None
 
@@ -140,13 +140,14 @@ class Recording:
         try:
             return scan.load(chunk)
         except FormatError as error:
-            self._tell(
+            self.add_problem(
                 f"{scan.name}: what was recorded from {in_seconds(chunk.begin):.3f} s to {in_seconds(chunk.end):.3f} s "
                 f"is damaged and left out ({error})"
             )
             return []
 
-    def _tell(self, problem: str) -> None:
+    def add_problem(self, problem: str) -> None:
+        """Add a sentence on what is missing, unless it is there."""
         if problem not in self._problems:
             self._problems.append(problem)
 
@@ -172,9 +173,12 @@ def open_recording(path: Path) -> Recording:
         problems = [*cut_short(part.scan), *part.scan.metadata.get(PROBLEMS_NAME, {}).values()]
         return Recording([part], problems)
     file = path / RUN_FILE
-    if file.exists():
-        return open_recording(file)
-    return merged(part_files(path), path)
+    if not file.exists():
+        return merged(part_files(path), path)
+    recording = open_recording(file)
+    if part_files(path):
+        recording.add_problem(f"{path / PARTS_FOLDER}: files that are not joined are left out; see rmr record join")
+    return recording
 
 
 def part_files(folder: Path) -> list[Path]:
@@ -199,13 +203,13 @@ def _metadata(scan: McapScan) -> dict[str, str]:
 
 
 def cut_short(scan: McapScan) -> list[str]:
-    """Return a sentence on a file that has not been finished; nothing on one that has."""
-    if scan.complete:
+    """Return a sentence on a file that was cut short; nothing on one that is whole, or still being written."""
+    if scan.complete or scan.being_written:
         return []
     last = max((chunk.end for chunk in scan.chunks), default=None)
     until = "it holds no message" if last is None else f"its last message is of {in_seconds(last):.3f} s"
     octets = f"; {scan.cut_octets} octets at its end are no whole record" if scan.cut_octets else ""
-    return [f"{scan.name}: the file was cut short, or is still being written: {until}{octets}"]
+    return [f"{scan.name}: the file was cut short: {until}{octets}"]
 
 
 def merged(files: Sequence[Path], folder: Path) -> Recording:

@@ -4,7 +4,8 @@ Hosts look at the robot as often as they like; a message is written when somethi
 its channel allows.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 from rmr.base.geometry import Point, Pose
@@ -30,21 +31,17 @@ class RobotObserver:
         self._pose: Pose | None = None
         self._points: Sequence[Point] | None = None
         self._status: Mapping[str, Any] = {}
-        self._estimate_due: Instant = 0
+        self.look_due: Instant = 0
+        """When to look at the robot's pose and route."""
         self._status_due: Instant = 0
-
-    def looks(self, now: Instant) -> bool:
-        """Return whether it is time to look at the robot's pose and route."""
-        return now + SLACK >= self._estimate_due
 
     def look(self, now: Instant, pose: Pose | None, points: Sequence[Point] | None) -> None:
         """Take the robot's estimated pose and the points of its route, the same object while it is the same route."""
-        self._estimate_due = now + ESTIMATES_EVERY
+        self.look_due = now + ESTIMATES_EVERY - SLACK
         if pose is not None and pose is not self._pose and pose != self._pose:
             self._pose = pose
-            self.writer.write_encoded(
-                "/tf_estimates", now, transforms_json(now, [(self._frame, pose.x, pose.y, pose.theta)])
-            )
+            estimate = (self._frame, pose.x, pose.y, pose.theta)
+            self.writer.write("/tf_estimates", now, partial(transforms_json, now, (estimate,)))
         if points is not self._points:
             self._points = points
             rounded = [[round(x, 3), round(y, 3)] for x, y in points or ()]
@@ -66,6 +63,6 @@ class RobotObserver:
         for entry in entries:
             self.writer.write("/trace", seconds(entry["t"]), entry)
 
-    def transmission(self, at: Instant, frame: Mapping[str, Any]) -> None:
-        """Take a transmission of the robot's radio."""
+    def transmission(self, at: Instant, frame: Callable[[], Mapping[str, Any]]) -> None:
+        """Take a transmission of the robot's radio, as a function that returns it."""
         self.writer.write("/frames", at, frame)

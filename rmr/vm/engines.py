@@ -12,7 +12,7 @@ from rmr.vm.generate.plan import is_small
 from rmr.vm.generated import machine_of
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.machine import FIRING_BUDGET, Machine
-from rmr.vm.observed import ObservedMachine
+from rmr.vm.observed_machine import ObservedMachine
 from rmr.vm.provenance import ProvenanceLog
 
 

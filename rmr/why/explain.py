@@ -9,7 +9,7 @@ what the action does.
 from typing import Final, NamedTuple
 
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Atom, Kind, Mode, Rule
+from rmr.bytecode.program import Atom, Bind, Kind, Mode, Rule, Slot
 from rmr.vm.derive import DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.provenance import (
@@ -285,11 +285,12 @@ class Explainer:
             for each in rule.body
             if not isinstance(each, Atom) or each.mode is Mode.ABSENT
         ]
+        names = self._past.variables(record.rule)
         return RuleFiring(
             record.number,
             record.rule,
             rule_place_of(self._program, record.rule),
-            record.bindings,
+            {names.get(slot, f"${slot}"): value for slot, value in enumerate(_bound(rule, record.bindings))},
             tuple(conditions),
             self._goals(mind, record),
             record.rank,
@@ -308,6 +309,13 @@ class Explainer:
                 if any(each in backwards.distances(predicate) for each in brought)
             ]
         )
+
+
+def _bound(rule: Rule, values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return the values of the slots that the rule's own body binds: those of inner bodies come behind them."""
+    bound = [slot.index for each in rule.body if isinstance(each, Atom) for slot in each.args if isinstance(slot, Slot)]
+    bound += [each.slot for each in rule.body if isinstance(each, Bind)]
+    return values[: 1 + max(bound, default=0)]
 
 
 _ROLES: Final = {Mode.CONSUME: "consumed", Mode.KEEP: "kept", Mode.READ: "read"}

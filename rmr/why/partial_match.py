@@ -24,7 +24,7 @@ FACTS_MAX: Final = 200
 Env = list[Value | None]
 
 
-class Verdict(NamedTuple):
+class ConjunctVerdict(NamedTuple):
     """Whether a conjunct is satisfied."""
 
     holds: bool | None
@@ -38,7 +38,7 @@ class Verdict(NamedTuple):
 class PartialMatch(NamedTuple):
     """The best match of a body."""
 
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[ConjunctVerdict, ...]
     env: tuple[Value | None, ...]
 
     @property
@@ -63,7 +63,7 @@ class PartialSearch:
         self._facts = facts
         self._now = now
         self._steps = STEPS_MAX
-        self._verdicts: list[Verdict] = []
+        self._verdicts: list[ConjunctVerdict] = []
         self._best: PartialMatch | None = None
         self._search(env)
 
@@ -86,15 +86,15 @@ class PartialSearch:
         conjunct = self._body[place]
         if isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
             self._take(conjunct, env)
-            self._go_on(Verdict(False), env)
+            self._go_on(ConjunctVerdict(False), env)
         elif isinstance(conjunct, Atom):
             blocking = next((fact for fact in self._facts(conjunct.predicate) if matched(conjunct, fact, env)), None)
-            self._go_on(Verdict(blocking is None, blocking), env)
+            self._go_on(ConjunctVerdict(blocking is None, blocking), env)
         else:
             own = env.copy()
             self._go_on(self._decided(conjunct, own), own)
 
-    def _go_on(self, verdict: Verdict, env: Env) -> None:
+    def _go_on(self, verdict: ConjunctVerdict, env: Env) -> None:
         self._verdicts.append(verdict)
         self._search(env)
         self._verdicts.pop()
@@ -106,22 +106,22 @@ class PartialSearch:
                 continue
             bound = matched(atom, fact, env)
             if bound is not None:
-                self._go_on(Verdict(True, fact), bound)
+                self._go_on(ConjunctVerdict(True, fact), bound)
 
-    def _decided(self, conjunct: Guard | Bind, env: Env) -> Verdict:
+    def _decided(self, conjunct: Guard | Bind, env: Env) -> ConjunctVerdict:
         """Return whether a condition holds; a binding is put into `env`."""
         if not _is_bound(conjunct.code, env):
-            return Verdict(None)
+            return ConjunctVerdict(None)
         try:
             value = evaluate(conjunct.code, env, self._now)  # type: ignore[arg-type]
         except NoValue as reason:
-            return Verdict(False, reason=str(reason))
+            return ConjunctVerdict(False, reason=str(reason))
         if isinstance(conjunct, Guard):
-            return Verdict(value is True)
+            return ConjunctVerdict(value is True)
         wanted = env[conjunct.slot]
         if wanted is None:
             env[conjunct.slot] = value
-        return Verdict(wanted is None or same(wanted, value))
+        return ConjunctVerdict(wanted is None or same(wanted, value))
 
 
 def matched(atom: Atom, fact: PastFact, env: Env) -> Env | None:

@@ -1,19 +1,22 @@
 """The past of a run: the indexed minds of its robots, each made when it is first needed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
 from rmr.vm.provenance import DeliveredCause
 from rmr.why.mind_history import HistorySource
 from rmr.why.mind_index import MindIndex, PastItem, PastSend
+from rmr.why.variable_names import Variables
 
 
 class Past:
     """The minds of a run."""
 
-    def __init__(self, source: HistorySource) -> None:
+    def __init__(self, source: HistorySource, variables: Variables = ()) -> None:
+        """`variables` are the names of the rules' variables, where they are known."""
         self.source = source
+        self._variables = variables
         self._minds: dict[int, list[MindIndex]] = {}
 
     @property
@@ -30,6 +33,10 @@ class Past:
     def known_until(self) -> Instant:
         """The instant up to which the run is known."""
         return self.source.known_until
+
+    def variables(self, rule: int) -> Mapping[int, str]:
+        """Return the names of a rule's slots, as far as they are known."""
+        return self._variables[rule] if rule < len(self._variables) else {}
 
     def minds(self, robot: int) -> list[MindIndex]:
         """Return the incarnations of `robot`, the oldest first."""
@@ -58,6 +65,11 @@ class Past:
             if mind.first_number <= number < mind.next_number:
                 return mind, mind.items[number - mind.first_number]
         return None
+
+    def near(self, count: int) -> list[int]:
+        """Return the robots whose minds are known already, and others up to `count` in all."""
+        known = [robot for robot in self.robots if robot in self._minds]
+        return known + [robot for robot in self.robots if robot not in self._minds][: max(0, count - len(known))]
 
     def all_minds(self, now: Instant) -> Iterator[MindIndex]:
         """Yield the present incarnation of each robot."""

@@ -29,11 +29,6 @@ class Question(NamedTuple):
         """Return whether the fact or action of `owner` is meant."""
         return self.owner in (None, owner) and pattern_agrees(self.args, args, (Robot(owner),))
 
-    @property
-    def concrete(self) -> bool:
-        """Whether one fact alone is meant."""
-        return self.owner is not None and all(isinstance(each, Constant) for each in self.of(self.owner).args)
-
     def of(self, robot: int) -> "Question":
         """Return the question about `robot`."""
         own = Constant(Robot(robot))

@@ -1,9 +1,9 @@
 """Rules, facts and expressions in program syntax, with the values that are known in place of variables.
 
-Byte-code keeps no names of variables. A variable without a value is written ``_``.
+A variable without a value has its name if that is known (`rmr.why.variable_names`), else it is ``_``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Final
 
@@ -26,8 +26,21 @@ from rmr.bytecode.program import (
     Slot,
 )
 
-Env = Sequence[Value | None]
+
+class Unknown(str):
+    """The name of a variable, in the place of a value that it does not have."""
+
+    __slots__ = ()
+
+
+Env = Sequence[Value | Unknown | None]
 """Values of a rule's slots; None: unbound."""
+
+
+def named(env: Sequence[Value | None], names: Mapping[int, str]) -> Env:
+    """Return `env` with the names of variables without a value."""
+    return [Unknown(names[slot]) if value is None and slot in names else value for slot, value in enumerate(env)]
+
 
 _BINARY: Final = {
     Op.OR: ("||", 1),
@@ -87,6 +100,8 @@ def item_text(
 
 
 def _argument(arg: Value | Pattern) -> str:
+    if isinstance(arg, Unknown):
+        return str(arg)
     if isinstance(arg, Constant):
         return format_value(arg.value)
     return "_" if isinstance(arg, Anything | Slot) else format_value(arg)
@@ -97,9 +112,15 @@ def atom_text(program: Program, atom: Atom, robot: int, env: Env) -> str:
     return item_text(program, atom.predicate, robot, [_known(pattern, env) for pattern in atom.args])
 
 
-def _known(pattern: Pattern, env: Env) -> Pattern:
+def _known(pattern: Pattern, env: Env) -> Value | Pattern:
     value = env[pattern.index] if isinstance(pattern, Slot) and pattern.index < len(env) else None
-    return pattern if value is None else Constant(value)
+    return pattern if value is None else value if isinstance(value, Unknown) else Constant(value)
+
+
+def _value(value: Value | Unknown | None) -> str:
+    if value is None:
+        return "_"
+    return str(value) if isinstance(value, Unknown) else format_value(value)
 
 
 def conjunct_text(program: Program, conjunct: Conjunct, robot: int, env: Env) -> str:
@@ -109,7 +130,7 @@ def conjunct_text(program: Program, conjunct: Conjunct, robot: int, env: Env) ->
         return mark + atom_text(program, conjunct, robot, env)
     if isinstance(conjunct, Bind):
         value = env[conjunct.slot]
-        return f"{'_' if value is None else format_value(value)} = {expression_text(conjunct.code, env)}"
+        return f"{_value(value)} = {expression_text(conjunct.code, env)}"
     return expression_text(conjunct.code, env)
 
 
@@ -148,7 +169,7 @@ def _push(stack: list[tuple[str, int]], op: Op, operand: Value | None, env: Env)
     if op is Op.LOAD:
         assert isinstance(operand, int)
         value = env[operand] if operand < len(env) else None
-        stack.append(("_" if value is None else format_value(value), _ATOM))
+        stack.append((_value(value), _ATOM))
     elif op in (Op.CONST, Op.INT):
         assert operand is not None
         stack.append((format_value(operand), _ATOM))

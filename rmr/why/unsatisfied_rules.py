@@ -16,15 +16,26 @@ from rmr.vm.provenance import FiringCause, FiringRecord
 from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
 from rmr.why.mind_index import MindIndex, PastFact
-from rmr.why.partial_match import PartialMatch, PartialSearch, Verdict, bound_by, matched
+from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
 from rmr.why.past import Past
 from rmr.why.question import Question
-from rmr.why.rule_words import atom_text, conjunct_text, item_text, rule_name, rule_place_of, seconds_text
+from rmr.why.rule_words import (
+    Env,
+    atom_text,
+    conjunct_text,
+    item_text,
+    named,
+    rule_name,
+    rule_place_of,
+    seconds_text,
+)
 from rmr.why.sources import RuleSource
 from rmr.why.why_answer import removal
 
 ROBOTS_SHOWN: Final = 3
 """Robots shown of those that could fire a rule for another one: those that came nearest."""
+OTHERS_MAX: Final = 12
+"""Robots among which a missing fact is looked for; each has to be replayed first."""
 NEAR_SHOWN: Final = 3
 """Other facts of the predicate, and other robots, that are shown for a missing fact."""
 
@@ -92,7 +103,7 @@ class UnsatisfiedRules:
             return node
         node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
         words = [
-            conjunct_text(self._program, conjunct, mind.robot, match.env)
+            conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
             for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
             if verdict.holds
         ]
@@ -136,9 +147,9 @@ class UnsatisfiedRules:
 
     # -- conjuncts ----------------------------------------------------------------------------------------------------
 
-    def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: Verdict, depth: int) -> AbsenceNode:
-        mind, _, match = attempt
-        text = conjunct_text(self._program, conjunct, mind.robot, match.env)
+    def _unsatisfied(self, attempt: _Attempt, conjunct: Conjunct, verdict: ConjunctVerdict, depth: int) -> AbsenceNode:
+        mind = attempt.mind
+        text = conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
         if verdict.holds is None:
             return AbsenceNode("undecided", f"not decided: {text}")
         if isinstance(conjunct, Guard | Bind):
@@ -152,10 +163,14 @@ class UnsatisfiedRules:
             return AbsenceNode("blocked", f"in the way: {blocking} holds since {since}, {because}")
         return self._missing(attempt, conjunct, depth)
 
+    def _named(self, attempt: _Attempt) -> Env:
+        """Return the values of the rule's variables, with the names of those that have none."""
+        return named(attempt.match.env, self._past.variables(attempt.source.rule))
+
     def _missing(self, attempt: _Attempt, atom: Atom, depth: int) -> AbsenceNode:
         """Return why no fact matches an atom."""
         mind, source, match = attempt
-        text = atom_text(self._program, atom, mind.robot, match.env)
+        text = atom_text(self._program, atom, mind.robot, self._named(attempt))
         env = list(match.env)
         past = [f for f in mind.by_predicate[atom.predicate] if f.at <= self._now and matched(atom, f, env) is not None]
         if any(fact.held_at(self._now) for fact in past):
@@ -205,11 +220,12 @@ class UnsatisfiedRules:
         if self._program.predicates[atom.predicate].provided:
             return ""
         holders = []
-        for other in self._past.all_minds(self._now):
-            if other.robot != mind.robot:
+        for robot in self._past.near(OTHERS_MAX):
+            other = self._past.mind_at(robot, self._now)
+            if other is not None and robot != mind.robot:
                 held = other.held(atom.predicate, self._now)
                 if any(bound_by(atom.args, fact.args, env) is not None for fact in held):
-                    holders.append(other.robot)
+                    holders.append(robot)
         if not holders:
             return ""
         robots = ", ".join(f"@{robot}" for robot in holders[:NEAR_SHOWN])

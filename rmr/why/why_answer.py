@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from rmr.base.time import Instant, in_seconds
-from rmr.vm.provenance import FiringCause
+from rmr.vm.provenance import EffectCause, FiringCause
 from rmr.why.explain import DEPTH, Explainer, Premise
 from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastGoal, PastItem
 from rmr.why.past import Past
 from rmr.why.question import Question, WhyError
-from rmr.why.rule_words import rule_name, seconds_text
+from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.why_tree import WhyNode
 
 ANSWERS_MAX: Final = 10
@@ -139,4 +139,7 @@ def removal(past: Past, mind: MindIndex, fact: PastFact) -> str:
     if isinstance(fact.removal, FiringCause):
         rule = mind.firings[fact.removal.number].rule
         return f"consumed by firing {fact.removal.number}, {rule_name(past.program, rule)}"
+    if isinstance(fact.removal, EffectCause) and (action := mind.actions.get(fact.removal.action)) is not None:
+        text = item_text(past.program, action.predicate, action.executor, action.args)
+        return f"replaced by the effect of action {text}"
     return "no longer sensed"

@@ -15,7 +15,8 @@ class RuleFiring:
     number: int
     rule: int
     place: Place | None
-    bindings: tuple[Value, ...]
+    bindings: dict[str, Value]
+    """Values by the names of variables; ``$1`` for slot 1, whose name is not known."""
     conditions: tuple[str, ...]
     """Conditions and ``not`` of the body, with their values."""
     goals: tuple[str, ...]
@@ -76,7 +77,7 @@ class WhyNode:
                 "line": None if place is None else place.line,
                 "column": None if place is None else place.column,
                 "firing": self.firing.number,
-                "bindings": [format_value(value) for value in self.firing.bindings],
+                "bindings": {name: format_value(value) for name, value in self.firing.bindings.items()},
                 "conditions": list(self.firing.conditions),
                 "goals": list(self.firing.goals),
                 "rank": self.firing.rank,

@@ -18,6 +18,7 @@ from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
 from rmr.why.absence import why_not
 from rmr.why.past import Past
 from rmr.why.question import question
+from rmr.why.variable_names import Variables, variable_names
 from rmr.why.why_answer import WhyAnswer, why
 from rmr.why.why_text import absence_text, why_text
 from rmr_sim.run_setup import Options, load
@@ -43,6 +44,7 @@ class Observed:
     lives: dict[int, list[Life]] = field(default_factory=dict)
     program: Program | None = None
     known_until: Instant = 0
+    variables: Variables = ()
 
     @property
     def robots(self) -> list[int]:
@@ -62,7 +64,7 @@ class Observed:
     def past(self) -> Past:
         times = [life.records[-1].at for lives in self.lives.values() for life in lives if life.records]
         self.known_until = max([self.known_until, *times])
-        return Past(self)
+        return Past(self, self.variables)
 
     def why(self, text: str, at: float | None = None, **options: object) -> WhyAnswer:
         past = self.past
@@ -91,7 +93,10 @@ def written(text: str, arguments: str, folder: Path, monkeypatch: pytest.MonkeyP
     """Run `rmr eval` on a program given as text."""
     path = folder / "a.rmr"
     path.write_text(text)
-    return evaluated(path, arguments, monkeypatch)[0]
+    observed = evaluated(path, arguments, monkeypatch)[0]
+    if observed.program is not None:
+        observed.variables = variable_names(observed.program, text, str(path))
+    return observed
 
 
 def simulated(lab: Path, monkeypatch: pytest.MonkeyPatch, seed: int | None = None, **options: object) -> Observed:

@@ -75,6 +75,9 @@ class SimulatedRobot:
         self._slow_alarm = Alarm(host.kernel, ROBOT, self._slow_tick)
         self._called: Instant = NEVER
         """Wake-up time that the host has been told, of a robot without a body; NEVER if none."""
+        self._samples_dropped = 0
+        self._frames_dropped = 0
+        """Samples and frames of this incarnation that full queues have dropped."""
         self._past: list[dict[str, Any]] = []
         """Parts of the report of the earlier incarnations, the oldest first."""
 
@@ -117,6 +120,8 @@ class SimulatedRobot:
         sample = self._host.world.sense(self.robot, now)
         self.x, self.y, _ = sample.truth
         self.station.move(self.x, self.y)
+        if len(self._samples) == SAMPLES_MAX:
+            self._samples_dropped += 1
         self._samples.append(sample)
 
     def tick(self, now: Instant) -> None:
@@ -143,10 +148,14 @@ class SimulatedRobot:
         if isinstance(out, Confirmed):
             if not self.node.awaits(out):
                 return
+            if len(self._confirmed) == FRAMES_MAX:
+                self._frames_dropped += 1
             self._confirmed.append(out)
         elif self.served and not self._received and self.node.overhear(self._host.kernel.now, out):
             return
         else:
+            if len(self._received) == FRAMES_MAX:
+                self._frames_dropped += 1
             self._received.append(out)
         if self.served:
             self.node_alarm.set(self._host.kernel.now)
@@ -191,6 +200,7 @@ class SimulatedRobot:
         self._past.append(with_lost_jobs(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
+        self._samples_dropped = self._frames_dropped = 0
         self.alive = self.still = True
         self.node = self._make_node(self._ports, epoch)
         self.node.start(now)
@@ -200,6 +210,7 @@ class SimulatedRobot:
         """End the log of the node's inputs, if there is one: the node is not called any more."""
         node = self.node
         if isinstance(node, RecordedNode):
+            node.not_delivered(self._samples_dropped, self._frames_dropped)
             node.end_log()
 
     def stall(self, until: Instant) -> None:
