@@ -13,7 +13,7 @@ on its way to the robot, else from what happened to it last.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from rmr.base.time import Instant
+from rmr.base.time import Instant, milliseconds
 from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
@@ -34,6 +34,8 @@ from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
 """Steps of one critical path; each goes back in time, or in the order of what happened at one instant."""
+WHEELS_GO_ON = milliseconds(100)
+"""A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long."""
 CALLED_LATE = "its host called it late"
 DIED = "until its process was started again"
 LINE_UP = "lineup"
@@ -130,7 +132,9 @@ class CriticalPath:
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
         if history is not None and owner is not TimeOwner.UNKNOWN:
-            parts = without(parts, history.late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
+            coasts = WHEELS_GO_ON if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
+            late = [(due, called) for due, called in history.late if called - due > coasts]
+            parts = without(parts, late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
             parts = without(parts, deaths(history), TimeOwner.DEAD, robot, DIED)
         self._found.extend(reversed(parts))
         self._cursor = since
