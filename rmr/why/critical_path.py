@@ -37,6 +37,7 @@ STEPS_MAX = 100_000
 WHEELS_GO_ON = milliseconds(100)
 """A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long."""
 CALLED_LATE = "its host called it late"
+OLD_SAMPLE = "its newest sample was old"
 DIED = "until its process was started again"
 LINE_UP = "lineup"
 """The action that drives to a place in a queue."""
@@ -166,7 +167,8 @@ class CriticalPath:
             owner = (
                 TimeOwner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
             )
-            self._cover(begin, owner, robot, (), span.text)
+            detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else span.text
+            self._cover(begin, owner, robot, (), detail)
 
     # -- the steps --------------------------------------------------------------------------------------------
 
