@@ -32,8 +32,6 @@ class RobotRecording:
         if self._recorder is None:
             return None
         writer = self._recorder.begin(known.lab, known.seed, known.roster, run, lambda: clock.at(time.monotonic_ns()))
-        if writer is None:
-            return None
         self._observer = RobotObserver(self._robot, writer)
         return writer.mind
 

@@ -29,28 +29,23 @@ log = logging.getLogger("rmr")
 
 
 class ProcessRecorder(logging.Handler):
-    """Records what one process does; without a file it records nothing."""
+    """Records what one process does."""
 
-    def __init__(self, file: Path | None, process: str) -> None:
+    def __init__(self, file: Path, process: str) -> None:
         """`process` is the name that the log lines and the file bear: ``world``, ``robots-4``."""
         super().__init__(logging.INFO)
         self.writer: RecordWriter | None = None
-        """The present recording; None before the process has met its world, or if none is wanted."""
+        """The present recording; None before the process has met its world."""
         self._file = file
         self._process = process
         self._about: RunAbout | None = None
         self._now: Callable[[], Instant] = lambda: 0
         self._waiting: list[tuple[str, str]] = []
         self._failed = False
-        if file is not None:
-            log.addHandler(self)
+        log.addHandler(self)
 
-    def begin(
-        self, lab: str, seed: int, roster: tuple[int, ...], run: int, now: Callable[[], Instant]
-    ) -> RecordWriter | None:
-        """Return the recording of this run, which the first call begins; None if none is wanted. `now` is lab time."""
-        if self._file is None:
-            return None
+    def begin(self, lab: str, seed: int, roster: tuple[int, ...], run: int, now: Callable[[], Instant]) -> RecordWriter:
+        """Return the recording of this run, which the first call begins. `now` is lab time."""
         about = about_run(lab, MODE, seed, roster, self._process, str(run))
         self._now = now
         if self.writer is None or about != self._about:

@@ -84,6 +84,11 @@ class MindLog:
         self._lost = (0, 0, 0)
         self._lost_logged = (0, 0, 0)
 
+    def begin(self, now: Instant) -> None:
+        """Let the log begin at `now`."""
+        self.base = now
+        self._batch_base = now
+
     # -- calls --------------------------------------------------------------------------------------------------
 
     def call(self, operation: int, now: Instant) -> None:

@@ -142,7 +142,12 @@ class MindReplay:
             return None
         batch = read_batch(data)
         if batch.number != self._number:
-            raise MindLogError(f"batches {self._number} to {batch.number - 1} of the log are missing")
+            first = self._number
+            if first == 0:
+                raise MindLogError("its beginning is missing")
+            if batch.number == first + 1:
+                raise MindLogError(f"batch {first} of its log is missing")
+            raise MindLogError(f"batches {first} to {batch.number - 1} of its log are missing")
         self._number += 1
         return batch
 

@@ -187,6 +187,7 @@ class RecordedNode(Node):
 
     def start(self, now: Instant) -> None:
         """Insert the initial facts and begin."""
+        self.log.begin(now)
         self._begin(START, now)
         try:
             super().start(now)

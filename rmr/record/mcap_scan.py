@@ -85,7 +85,6 @@ class McapScan:
         """Offset behind the last whole record."""
         self.complete = False
         """Whether the file has been finished: it has its index."""
-        self._decompressor = zstandard.ZstdDecompressor()
         self._begin()
         self.extend()
 
@@ -209,7 +208,7 @@ class McapScan:
             try:
                 if zstandard.frame_content_size(data) != chunk.size:
                     raise FormatError("a length that cannot be")
-                data = self._decompressor.decompress(data)
+                data = zstandard.ZstdDecompressor().decompress(data)  # threads cannot share one
             except zstandard.ZstdError as error:
                 raise FormatError(str(error)) from None
         elif chunk.compression:

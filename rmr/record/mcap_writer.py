@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from operator import itemgetter
 from typing import Final, Protocol
 
-import zstandard
-
 from rmr.record import mcap_format
 from rmr.record.mcap_format import HEAD, MAGIC, MESSAGE_FIXED, MESSAGE_HEAD, RecordCode
 
@@ -36,6 +34,8 @@ class McapWriter:
     """One file that is being written. Every method may raise OSError."""
 
     def __init__(self, sink: OctetSink, library: str) -> None:
+        import zstandard  # noqa: PLC0415 - 9 ms, which robots that are not recorded need not spend
+
         self._sink = sink
         self._position = 0
         self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL, write_content_size=True)

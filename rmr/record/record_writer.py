@@ -67,8 +67,9 @@ class RecordWriter:
             file = self.path.open("wb", buffering=0)
             lock(file.fileno())
             self._file = file
-        self._mcap = McapWriter(self._file, LIBRARY)
-        self._mcap.metadata(METADATA_NAME, about.to_metadata())
+        mcap = McapWriter(self._file, LIBRARY)
+        mcap.metadata(METADATA_NAME, about.to_metadata())
+        self._mcap = mcap
 
     def _attempt(self, step: Callable[[], object]) -> None:
         """Do `step`; if the file cannot be written, stop recording."""
@@ -79,7 +80,9 @@ class RecordWriter:
 
     def _fail(self, error: OSError) -> None:
         self._pending.clear()
-        self.failure = f"the recording {self.path} ends early: {error.strerror or error}"
+        why = error.strerror or error
+        begun = self._mcap is not None
+        self.failure = f"the recording {self.path} ends early: {why}" if begun else f"cannot write {self.path}: {why}"
         self._mcap = None
         self._close_file()
 

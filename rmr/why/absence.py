@@ -22,7 +22,7 @@ from rmr.why.question import Question
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
 from rmr.why.unsatisfied_rules import NEAR_SHOWN, UnsatisfiedRules
-from rmr.why.why_answer import goal_agrees, removal
+from rmr.why.why_answer import ANSWERS_MAX, goal_agrees, removal
 
 ACTIONS_SHOWN: Final = 3
 """Actions shown of one robot, the newest ones."""
@@ -35,8 +35,11 @@ def why_not(past: Past, asked: Question, at: Instant | None = None, depth: int =
     if at is not None and at > past.known_until:
         answer.notes.append(f"the run is known until {seconds_text(past.known_until)}")
     finder = AbsenceFinder(past, until)
-    for robot in past.robots if asked.owner is None else [asked.owner]:
+    robots = list(past.robots) if asked.owner is None else [asked.owner]
+    for robot in robots[:ANSWERS_MAX]:
         answer.trees.append(finder.absent(asked.of(robot), depth))
+    if len(robots) > ANSWERS_MAX:
+        answer.notes.append(f"{len(robots) - ANSWERS_MAX} more robots are not shown: name the robot")
     return answer
 
 

@@ -4,11 +4,14 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from failing_handlers import NAMES, failing_lab
 
 from rmr.compiled import build, modules_in
+from rmr.record.recording import open_recording
 
 sys.path.append(str(Path(__file__).parents[1] / "bench"))
 from crowds import flood
@@ -43,110 +46,6 @@ LABS = [
     ("deploy/labs/testbed", 100, True),  # they walk away from a jam
     ("deploy/labs/formation/sixteen.yaml", 50015, True),  # `reach` fails again and again
 ]
-FAILING = """
-import asyncio
-from rmr import ActionFailed, action
-
-@action("at_once")
-async def at_once(robot):
-    raise ActionFailed("at once")
-
-@action("midway")
-async def midway(robot):
-    await robot.sleep(0.1)
-    return 1 / 0
-
-@action("condition")
-async def condition(robot):
-    await robot.until(lambda: robot.now() > 0.2 and robot.unheard_of)
-
-@action("stopped", wheels=True)
-async def stopped(robot):
-    try:
-        await robot.moveto("far")
-    finally:
-        robot.say("stopped")
-
-@action("stopped_badly", wheels=True)
-async def stopped_badly(robot):
-    try:
-        await robot.sleep(60.0)
-    finally:
-        raise KeyError("on the way out")
-
-@action("goes_on", wheels=True)
-async def goes_on(robot):
-    try:
-        await robot.face(170.0)
-    except GeneratorExit:
-        await robot.sleep(1.0)
-
-@action("stop_goes_on")
-async def stop_goes_on(robot):
-    raise GeneratorExit
-
-@action("leaves")
-async def leaves(robot):
-    raise SystemExit(3)
-
-@action("loop")
-async def loop(robot):
-    await asyncio.sleep(1.0)
-
-@action("sets")
-async def sets(robot):
-    robot.level = 3
-
-@action("keeps")
-async def keeps(robot):
-    robot.state["level"] = 3
-
-@action("catches", wheels=True)
-async def catches(robot):
-    try:
-        await robot.reach(0.3, 1.3, 0.0, 0.1)
-    except ActionFailed as failure:
-        robot.say(str(failure))
-    await robot.goto(0.6, 0.6)
-
-@action("forgets")
-async def forgets(robot):
-    await robot.goto(0.5, 0.5)
-
-@action("no_coroutine")
-def no_coroutine(robot):
-    pass
-
-@action("too_few")
-async def too_few():
-    pass
-"""
-"""Handlers that fail in every way: at the first resume, midway, on the way out, in what they await."""
-NAMES = [line.split('"')[1] for line in FAILING.splitlines() if line.startswith("@action")]
-LATER = ("stopped_badly", "goes_on", "catches")
-PROGRAM = """
-type action stop(R: robot).
-type action wait(R: robot, T: float) -o waited(R, T).
-type action lineup(R: robot, A: area, K: int).
-start(R).
-start(R) -o AT_ONCE, wait(R, 1.0).
-waited(R, 1.0) -o stop(R), stopped_badly(R), wait(R, 1.5).
-waited(R, 1.5) -o stop(R), goes_on(R), wait(R, 0.5).
-waited(R, 0.5) -o stop(R), lineup(R, queue, 3), wait(R, 2.5).
-waited(R, 2.5) -o lineup(R, queue, 2), catches(R), wait(R, 20.0).
-waited(R, 20.0) -o over(R).
-"""
-FAILING_LAB = """
-lab: failing
-program: failing.rmr
-duration: 30s
-finish: over(R)
-arena: {size: [1.5, 1.5], cell: 0.05}
-areas:
-  far: {at: [1.3, 1.3]}
-  queue: {at: [1.3, 0.2], queue: {path: [[1.2, 0.2], [0.2, 0.2]], spacing: 0.2}}
-robots: [{id: 1, pose: [0.3, 0.7, 0deg]}]
-"""
 
 
 @pytest.fixture(scope="module")
@@ -164,16 +63,6 @@ def labs(tmp_path_factory):
     """Few robots that drive, with and without faults, and a hundred that talk."""
     failing = failing_lab(tmp_path_factory.mktemp("failing"))
     return [*LABS, (str(flood(tmp_path_factory.mktemp("flood"), 100)), 1, False), failing]
-
-
-def failing_lab(folder):
-    """Return a lab whose one robot has each of its actions fail, some by `stop` and some by a later one."""
-    declared = [f"type action {name}(R: robot) -o ended(R) else ended(R)." for name in NAMES]
-    at_once = ", ".join(f"{name}(R)" for name in NAMES if name not in LATER)
-    (folder / "failing.rmr").write_text("\n".join([*declared, PROGRAM.replace("AT_ONCE", at_once)]))
-    (folder / "lab.yaml").write_text(FAILING_LAB)
-    (folder / "failing.py").write_text(FAILING)
-    return str(folder), 1, False, str(folder / "failing.py")
 
 
 def runs(folder, labs):
@@ -224,3 +113,23 @@ def test_compiled_values_go_from_process_to_process(folder):
         for jobs in ("1", "2")
     }
     assert len(outputs) == 1
+
+
+@pytest.mark.timeout(550)
+def test_recordings_of_compiled_and_interpreted_runs_differ_in_one_field(folder, tmp_path):
+    recorded = [recording_of(folder, tmp_path / "compiled"), recording_of("", tmp_path / "interpreted")]
+    abouts = [recording.about for recording in recorded]
+    assert [about.compiled for about in abouts] == [True, False]
+    assert replace(abouts[0], compiled=False) == abouts[1]
+    assert list(recorded[0].raw_messages()) == list(recorded[1].raw_messages())
+    for name in recorded[0].attachments:
+        assert recorded[0].attachment(name) == recorded[1].attachment(name)
+
+
+def recording_of(compiled, folder):
+    """Return the recording of a run with faults."""
+    words = ["deploy/labs/corridor", "--seed", "2", "--chaos", "--run", str(folder)]
+    env = {**os.environ, "RMR_COMPILED": str(compiled)}
+    answer = subprocess.run([sys.executable, "-m", "rmr_sim.main", *words], env=env, capture_output=True, check=False)
+    assert answer.returncode in (0, 1)
+    return open_recording(folder)

@@ -1,6 +1,7 @@
 """`rmr why` on a recorded run: forms of the answer, and what it says to wrong questions."""
 
 import json
+from pathlib import Path
 
 import pytest
 from command_runner import invoke
@@ -163,3 +164,12 @@ def test_run_without_recording_and_broken_recordings_are_invalid(run, tmp_path):
 def test_two_forms_of_one_answer_are_refused(run):
     assert "--json and --dot" in told(run, "at(@2, exit)", "--json", "--dot")[0]
     assert "--more" in told(run, "at(@2, exit)", "--not", "--more", "3")[0]
+
+
+def test_every_option_of_rmr_why_is_documented():
+    pages = "".join(page.read_text("utf-8") for page in (Path(__file__).parents[2] / "docs").glob("*.md"))
+    offered = {name for name in why_command().parser("rmr why").names if name.startswith("--")} - {
+        "--help",
+        "--version",
+    }
+    assert [name for name in sorted(offered) if f"`{name}" not in pages] == []

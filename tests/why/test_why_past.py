@@ -36,6 +36,13 @@ def test_facts_of_an_earlier_incarnation_are_lost_at_the_restart_and_numbers_go_
     assert numbers == list(range(1, len(numbers) + 1))
 
 
+def test_question_about_any_of_many_robots_is_answered_for_the_first_ten(tmp_path, monkeypatch):
+    observed = written(PROGRAM, "--robots 12", tmp_path, monkeypatch)
+    text = observed.why_not("mark(R, 2)")
+    assert text.count("does not hold at 0.000 s: it never did") == 10
+    assert text.endswith("2 more robots are not shown: name the robot\n")
+
+
 def test_robot_without_a_recording_is_told_where_its_message_would_be(tmp_path, monkeypatch):
     program = "type news(robot).\nstart(@1).\nstart(R) -o news(@2).\n"
     observed = written(program, "--robots 2", tmp_path, monkeypatch)

@@ -29,15 +29,15 @@ class WorldRecorder:
     def begin(self, now: Callable[[], Instant], poses: Iterable[tuple[int, Pose]]) -> None:
         """Begin the file, with the scene and the first poses; `now` is lab time."""
         lab = self._lab
-        if self._recorder is not None:
-            self._writer = self._recorder.begin(lab.name, self._seed, lab.roster, self._run, now)
-        if self._writer is not None:
-            self._writer.write("/scene", 0, scene(lab.arena, lab.roster))
-            self._writer.write("/floor", 0, grid(lab.arena))
-            self._poses = PoseRecorder(self._writer)
-            self.poses(0, poses)
-            for disturbance in lab.disturbances:
-                self.fault(0, fault_entry(disturbance))
+        if self._recorder is None:
+            return
+        self._writer = writer = self._recorder.begin(lab.name, self._seed, lab.roster, self._run, now)
+        writer.write("/scene", 0, scene(lab.arena, lab.roster))
+        writer.write("/floor", 0, grid(lab.arena))
+        self._poses = PoseRecorder(writer)
+        self.poses(0, poses)
+        for disturbance in lab.disturbances:
+            self.fault(0, fault_entry(disturbance))
 
     def poses(self, now: Instant, poses: Iterable[tuple[int, Pose]]) -> None:
         """Take the true poses, by robot."""

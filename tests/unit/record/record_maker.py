@@ -19,7 +19,7 @@ def trace(at_s: float, robot: int = 1, text: str = "") -> dict[str, object]:
 def write_part(
     path: Path, process: str, *, run: str = "", robot: int = 1, messages: int = 300, finish: bool = True, seed: int = 7
 ) -> Path:
-    """Write a file with a message every 10 ms, flushed each second; not finished it is like that of a killed process."""
+    """Write a file with a message every 10 ms, flushed each second; unfinished, it is that of a killed process."""
     path.parent.mkdir(parents=True, exist_ok=True)
     writer = RecordWriter(path, about(process, run, seed))
     writer.attach("floor.json", b"{}")

@@ -102,7 +102,9 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path, room):
         if number % 100 == 0:
             writer.flush()
     writer.close()
-    assert writer.failure == f"the recording {tmp_path / 'run.mcap'} ends early: No space left on device"
+    file = tmp_path / "run.mcap"
+    words = f"the recording {file} ends early" if room > 400 else f"cannot write {file}"
+    assert writer.failure == f"{words}: No space left on device"
     assert len(disk.octets) == room
 
 
