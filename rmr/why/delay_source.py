@@ -15,7 +15,7 @@ from rmr.mind.recorded_minds import RecordedMind, minds
 from rmr.record.recording import Recording
 from rmr.why.history_listener import HistoryListener
 from rmr.why.radio_time import Attempt
-from rmr.why.replayed_histories import ReplayedHistories
+from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
 from rmr.why.robot_history import RobotHistory
 
 FRAMES: Final = "/frames"
@@ -47,6 +47,9 @@ def run_history(recording: Recording) -> RunHistory:
         problem = _replayed(mind, listener, kills[mind.robot], again=again)
         if problem:
             problems.append(f"robot {mind.robot}, life {mind.epoch + 1}: {problem}")
+    listeners = {robot: listener for robot, listener in listeners.items() if listener.history.lives}
+    if not listeners:
+        raise UnexplainableError(f"the run cannot be explained: {'; '.join(problems)}")
     ends = max((listener.history.ends for listener in listeners.values()), default=0)
     for listener in listeners.values():
         listener.ended(ends)
