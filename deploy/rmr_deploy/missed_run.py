@@ -8,13 +8,13 @@ from shlex import quote
 from rmr.base.time import Instant
 from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
-from rmr.mind.mind_reader import MindLogError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
 from rmr.why.delay_source import RunHistory, run_history
 from rmr.why.delay_text import delay_data, delay_text, delays_text
 from rmr.why.missed_jobs import FORM, asked_delay, missed_delays
 from rmr.why.question import WhyError
+from rmr.why.replayed_histories import UnexplainableError
 
 
 def explain_missed(
@@ -26,16 +26,15 @@ def explain_missed(
     try:
         with open_recording(folder) as recording:
             run = run_history(recording)
-            problems = [*recording.problems, *run.problems]
-    except (RecordingError, MindLogError) as error:
+    except (RecordingError, UnexplainableError) as error:
         print(f"rmr why: {error}", file=sys.stderr)
         return ExitCode.INVALID
     try:
-        _answer(run, where, robot, asked, at, problems, timeline=timeline, as_json=as_json)
+        _answer(run, where, robot, asked, at, timeline=timeline, as_json=as_json)
     except WhyError as error:
         print(f"rmr why: {error}", file=sys.stderr)
         return ExitCode.USAGE
-    for problem in problems:
+    for problem in run.problems:
         print(f"rmr why: {problem}", file=sys.stderr)
     return ExitCode.OK
 
@@ -46,7 +45,6 @@ def _answer(
     robot: int | None,
     asked: str | None,
     at: Instant | None,
-    problems: list[str],
     *,
     timeline: bool,
     as_json: bool,
@@ -57,7 +55,7 @@ def _answer(
     else:
         delays = [delay for delay in missed_delays(run) if robot in (None, delay.robot)]
     if as_json:
-        print(json.dumps({"delays": [delay_data(delay) for delay in delays], "problems": problems}, indent=2))
+        print(json.dumps({"delays": [delay_data(delay) for delay in delays], "problems": list(run.problems)}, indent=2))
     elif asked is not None:
         print(delay_text(delays[0], timeline=timeline), end="")
     else:

@@ -5,7 +5,7 @@ made after it (`join`). Its users see it through `rmr.node.parts`.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point, Pose
@@ -26,20 +26,6 @@ from rmr.node.robot_state import RobotState
 from rmr.vm.provenance import HandlerCause
 
 NO_WHEELS: Final = "the robot has no wheels"
-
-
-class ActionBegan(NamedTuple):
-    """An action has begun, for whoever watches a run."""
-
-    running: RunningAction
-
-
-class ActionOver(NamedTuple):
-    """An action is over, for whoever watches a run."""
-
-    running: RunningAction
-    failure: str | None
-    """Why it failed; None: it completed."""
 
 
 class RobotServices:
@@ -108,16 +94,12 @@ class RobotServices:
         text = running.text(self.robot)
         self.action_log.begin(self.now, text)
         self.trace(self.now, "action", action=text)
-        if self.config.witness is not None:
-            self.tell(ActionBegan(running))
         if self._robot_state.provenance is not None:
             self._robot_state.provenance.action(self.now, running.serial, "begun")
         return NodeHandle(self, running)
 
     def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Handle the end of an action."""
-        if self.config.witness is not None:
-            self.tell(ActionOver(running, failure))
         self._runner.ended(now, running, failure)
 
     def handler(self, action: str) -> Handler:

@@ -87,7 +87,7 @@ def _limited(now: Instant, driver: Driver, peers: Peers, robot: int, roster: Col
 
 def neighbourhood(now: Instant, peers: Peers, robot: int, roster: Collection[int]) -> Neighbourhood:
     """Return the others as `robot` knows them now. What `peers` keeps for later, and its order, stay as they are."""
-    places: dict[int, Point] = {}
+    places: dict[int, tuple[Point, Point]] = {}
     standing: dict[int, Point] = {}
     driving: list[Heard] = []
     for other, peer in sorted(peers.known.items()):
@@ -95,11 +95,12 @@ def neighbourhood(now: Instant, peers: Peers, robot: int, roster: Collection[int
         if hello is None:
             continue
         age = now - peer.hello_at
+        was = Point(hello.x, hello.y)
         # Dead reckoning since the hello; one that is parked stays where it is.
-        way_m = 0.0 if hello.parked else hello.v * in_seconds(age)
-        places[other] = Point(hello.x + way_m * math.cos(hello.theta), hello.y + way_m * math.sin(hello.theta))
+        way_m = 0.0 if hello.parked else hello.v * in_seconds(min(age, DEAD))
+        places[other] = (was, Point(was.x + way_m * math.cos(hello.theta), was.y + way_m * math.sin(hello.theta)))
         if hello.parked or age > DEAD:
-            standing[other] = Point(hello.x, hello.y)
+            standing[other] = was
         heard = driving_of(other, hello, peer.hello_at)
         if heard is not None and age <= HEARD:
             driving.append(heard)

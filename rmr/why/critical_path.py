@@ -13,12 +13,12 @@ on its way to the robot, else from what happened to it last.
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from rmr.base.time import Instant
+from rmr.base.time import Instant, milliseconds
 from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
 from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.interval_parts import cut_at, deaths, without
+from rmr.why.interval_parts import cut_at, deaths, merged, without
 from rmr.why.pending import newest_arrival, next_supplier, on_their_way
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
@@ -34,7 +34,10 @@ from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
 """Steps of one critical path; each goes back in time, or in the order of what happened at one instant."""
+WHEELS_GO_ON = milliseconds(100)
+"""A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long."""
 CALLED_LATE = "its host called it late"
+OLD_SAMPLE = "its newest sample was old"
 DIED = "until its process was started again"
 LINE_UP = "lineup"
 """The action that drives to a place in a queue."""
@@ -108,13 +111,7 @@ class CriticalPath:
 
     def intervals(self) -> tuple[Interval, ...]:
         """Return what has been found, in the order of time; neighbours with the same owner are one."""
-        merged: list[Interval] = []
-        for interval in reversed(self._found):
-            if merged and merged[-1][2:] == interval[2:]:
-                merged[-1] = merged[-1]._replace(end=interval.end)
-            else:
-                merged.append(interval)
-        return tuple(merged)
+        return merged(reversed(self._found))
 
     def follow(self, step: Step | None) -> None:
         """Go back step by step until the start is reached."""
@@ -136,7 +133,9 @@ class CriticalPath:
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
         if history is not None and owner is not TimeOwner.UNKNOWN:
-            parts = without(parts, history.late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
+            coasts = WHEELS_GO_ON if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
+            late = [(due, called) for due, called in history.late if called - due > coasts]
+            parts = without(parts, late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
             parts = without(parts, deaths(history), TimeOwner.DEAD, robot, DIED)
         self._found.extend(reversed(parts))
         self._cursor = since
@@ -168,7 +167,8 @@ class CriticalPath:
             owner = (
                 TimeOwner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
             )
-            self._cover(begin, owner, robot, (), span.text)
+            detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else span.text
+            self._cover(begin, owner, robot, (), detail)
 
     # -- the steps --------------------------------------------------------------------------------------------
 

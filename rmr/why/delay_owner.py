@@ -41,8 +41,8 @@ MEANINGS: dict[TimeOwner, str] = {
     TimeOwner.RADIO_QUEUE: "a delivery waited behind other frames of its sender",
     TimeOwner.CHANNEL_ACCESS: "back-off, carrier sensing and first transmission of a delivery",
     TimeOwner.REPEATS: "retransmissions of a delivery, by the medium access or by the exchange of facts",
-    TimeOwner.LATE_TICK: "the host called the robot more than one frame (1/60 s) after it was due, or its samples "
-    "were old",
+    TimeOwner.LATE_TICK: "the host called the robot more than one frame (1/60 s) after it was due (of one that drives "
+    "0.1 s, for which its wheels turn on), or its samples were old",
     TimeOwner.DEAD: "the robot's process was dead, from its end to its restart",
     TimeOwner.UNKNOWN: "none of these: a defect of the analysis; please report it with the recording",
 }

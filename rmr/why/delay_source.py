@@ -11,10 +11,11 @@ from typing import Final
 from rmr.base.time import Instant, seconds
 from rmr.bytecode.program import Program
 from rmr.mind.mind_reader import MindLogError
-from rmr.mind.recorded_minds import RecordedMind, minds, program_of
+from rmr.mind.recorded_minds import RecordedMind, minds
 from rmr.record.recording import Recording
 from rmr.why.history_listener import HistoryListener
 from rmr.why.radio_time import Attempt
+from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
 from rmr.why.robot_history import RobotHistory
 
 FRAMES: Final = "/frames"
@@ -33,20 +34,22 @@ class RunHistory:
 
 
 def run_history(recording: Recording) -> RunHistory:
-    """Replay the minds of `recording`. Raises MindLogError if it has no program, or no mind at all."""
-    program = program_of(recording)
+    """Replay the minds of `recording`. Raises UnexplainableError if it has no program, or no mind at all."""
+    known = ReplayedHistories(recording)  # checks the recording; its own replays are not needed
+    program = known.program
     found = minds(recording)
-    if not found:
-        raise MindLogError("the recording holds no log of a robot's mind")
     kills = _kills(recording)
     listeners: dict[int, HistoryListener] = {}
-    problems: list[str] = []
+    problems = list(known.problems)
     for mind, following in zip(found, [*found[1:], None], strict=True):
         listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program))
         again = following is not None and following.robot == mind.robot
         problem = _replayed(mind, listener, kills[mind.robot], again=again)
         if problem:
             problems.append(f"robot {mind.robot}, life {mind.epoch + 1}: {problem}")
+    listeners = {robot: listener for robot, listener in listeners.items() if listener.history.lives}
+    if not listeners:
+        raise UnexplainableError(f"the run cannot be explained: {'; '.join(problems)}")
     ends = max((listener.history.ends for listener in listeners.values()), default=0)
     for listener in listeners.values():
         listener.ended(ends)

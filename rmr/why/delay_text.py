@@ -145,7 +145,8 @@ def _short(share: Share) -> str:
 def _words(delay: Delay, intervals: Sequence[Interval]) -> str:
     """Return the reason of intervals that have one owner and the same robots."""
     first = intervals[0]
-    details = ", ".join(dict.fromkeys(_details(intervals)))
+    parts = [rule for each in _details(intervals) for rule in (each.split(", ") if first.whom else [each])]
+    details = ", ".join(dict.fromkeys(parts))
     whose = "" if first.robot in (delay.robot, 0) else f"robot {first.robot}: "
     if not first.whom:
         return whose + details

@@ -1,8 +1,30 @@
 """Intervals cut at instants, and parts of them given to other owners."""
 
+from collections.abc import Iterable
+
 from rmr.base.time import NEVER, Instant
 from rmr.why.delay_owner import Interval, TimeOwner
 from rmr.why.robot_history import RobotHistory, overlaps
+
+
+def merged(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
+    """Return `intervals`, which are in the order of time; neighbours with one owner and one reason are one.
+
+    A robot that stands for another one does so by rules that take turns from tick to tick: all of them are its detail.
+    """
+    found: list[Interval] = []
+    for interval in intervals:
+        last = found[-1] if found else None
+        if last is None or last[2:5] != interval[2:5] or not (last.detail == interval.detail or _by_rules(interval)):
+            found.append(interval)
+            continue
+        rules = dict.fromkeys([*last.detail.split(", "), interval.detail]) if _by_rules(interval) else [last.detail]
+        found[-1] = last._replace(end=interval.end, detail=", ".join(rules))
+    return tuple(found)
+
+
+def _by_rules(interval: Interval) -> bool:
+    return interval.owner is TimeOwner.STANDING and bool(interval.whom)
 
 
 def deaths(history: RobotHistory) -> list[tuple[Instant, Instant]]:

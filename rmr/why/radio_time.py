@@ -7,9 +7,12 @@ sender handed the delivery to its radio must do: then what the queue took counts
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from rmr.base.time import Instant
+from rmr.base.time import Duration, Instant
 from rmr.why.delay_owner import TimeOwner
 from rmr.why.robot_history import DeliverySpan
+
+ROUNDING: Duration = 1000
+"""Instants of frames are recorded in whole microseconds."""
 
 
 class Attempt(NamedTuple):
@@ -37,10 +40,10 @@ def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[Rad
     if not handed:
         return parts
     tries = sorted(
-        attempt
+        Attempt(attempt.start, min(attempt.end, end))
         for at, handle in span.transmissions
         for attempt in attempts.get((span.key[0], handle), ())
-        if at <= attempt.start and attempt.end <= end
+        if at - ROUNDING <= attempt.start and attempt.end <= end + ROUNDING
     )
     if not tries:
         parts.append(RadioPart(handed[0], TimeOwner.CHANNEL_ACCESS))
@@ -54,7 +57,8 @@ def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[Rad
     )
     if len(tries) > 1:
         parts.append(RadioPart(tries[0].end, TimeOwner.REPEATS))
-    parts.append(RadioPart(tries[-1].end, TimeOwner.LATE_TICK))
+    if end - tries[-1].end > ROUNDING:
+        parts.append(RadioPart(tries[-1].end, TimeOwner.LATE_TICK))
     return parts
 
 

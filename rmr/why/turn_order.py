@@ -65,4 +65,4 @@ def _behind(
         return (), NO_SCHEDULE
     passed = {other for other, passage in passages if order.at <= passage.left <= at}
     ahead = [other for other in order.robots[: order.robots.index(robot)] if other not in passed]
-    return ((ahead[0],), "goes first, has not entered yet") if ahead else ((), OWN_SLOT)
+    return ((ahead[0],), "yet to enter") if ahead else ((), OWN_SLOT)

@@ -14,7 +14,7 @@ from rmr.bytecode.provided import ACTIONS
 from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
 from rmr.node.motion.grid import off_goal, segment_clearance
-from rmr.node.motion.obstruction import robots_near, solid_between, what_bars
+from rmr.node.motion.obstruction import near_polyline, robots_named, robots_near, solid_between, what_bars
 from rmr.node.motion.straight_drive import RAMP, Straight
 from rmr.node.parts import ActionHost
 
@@ -211,8 +211,7 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     try:
         while not (drive.ended(pose) and node.now >= ends - RAMP):
             if node.now > overdue:
-                bars = robots_near(node.arena, (start, goal), node.peers.standing(node.now))
-                raise ActionFailed(f"{bars or 'something is'} in the straight way there")
+                raise ActionFailed(f"{_in_straight_way(node, start, goal) or 'something is'} in the straight way there")
             twist = drive.steer(node.now, pose)
             robot.drive(twist.v, twist.w)
             await Pause(condition=lambda: True)
@@ -221,6 +220,16 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
         node.halt()
     if drive.astray(pose):
         raise ActionFailed("the robot has missed the point")
+
+
+def _in_straight_way(node: ActionHost, start: Point, goal: Point) -> str:
+    """Return who is in the straight way, subject and verb: those that stand there, else those that drive there."""
+    standing = robots_near(node.arena, (start, goal), node.peers.standing(node.now))
+    if standing:
+        return standing
+    places = {heard.robot: Point(heard.pose.x, heard.pose.y) for heard in node.peers.driving(node.now)}
+    driving = near_polyline(node.arena, (start, goal), places)
+    return robots_named(driving, "drive") if driving else ""
 
 
 def _instant(at_s: float) -> Instant:

@@ -9,11 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from rmr.base.geometry import Point, Pose, distance
+from rmr.base.geometry import Point, Pose, distance, point_segment_distance
 from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
 from rmr.node.motion.hazards import HazardScene
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.obstruction import closest_solid, obstruction
+from rmr.node.motion.obstruction import closest_solid, obstruction, robots_listed, robots_named
 from rmr.node.motion.priority import Heard, order_key, share_of_speed
 from rmr.node.motion.queueing import REACH_M
 from rmr.node.motion.route import off_queue
@@ -32,8 +32,8 @@ BUMPED: Final = "bumped"
 class Neighbourhood(NamedTuple):
     """The others, as one robot knows them at one instant."""
 
-    places: Mapping[int, Point]
-    """Where each of them is now, by its last hello and its velocity then."""
+    places: Mapping[int, tuple[Point, Point]]
+    """Where each of them was at its last hello, and where it is now if it has driven on since: it is in between."""
     standing: Mapping[int, Point]
     """Where those stand that are parked or dead."""
     driving: Sequence[Heard]
@@ -72,6 +72,34 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
     return Hindrance(rule)
 
 
+def hindrance_words(why: Hindrance) -> str:
+    """Return a hindrance as a clause of a sentence about the robot: `it waits to hear robot 3`."""
+    whom = robots_listed(why.robots) if why.robots else why.place
+    if why.rule == NO_WAY:
+        return f"it finds no way: {robots_named(why.robots)} in it" if why.robots else f"it finds no way: {whom}"
+    words = _CLAUSES.get(why.rule)
+    if words is None:
+        return f"it makes room by the escape {why.rule}" if why.rule else ""
+    return words.format(whom or "another robot")
+
+
+_CLAUSES: Final = {
+    "listen": "it waits to hear {} for the first time",
+    "silence": "it waits to hear {}",
+    "overdue": "it waits to hear {}",
+    "right_of_way": "it gives {} the right of way",
+    "queue": "it waits behind {} in the queue",
+    "danger": "it stands for {}",
+    "stopping": "it stands for {}",
+    "arc": "it stands for {}",
+    "reverse_guard": "it cannot back up for {}",
+    "promise": "it has promised the others to stay",
+    "unwatched": "its newest sample is too old",
+    BUMPED: "it drives against {}",
+}
+"""By rule, what a robot does that it limits; the braces stand for the robots or the obstacle."""
+
+
 def touched(navigator: Navigator, others: Neighbourhood) -> Hindrance:
     """Return what a robot touches that drives and bumps."""
     return _at(navigator.control.scene.pose, 0.0, navigator, BUMPED, others)
@@ -86,9 +114,9 @@ def barred(navigator: Navigator, others: Neighbourhood) -> Hindrance:
     return Hindrance(NO_WAY, found.robots, found.words if not found.robots else "")
 
 
-def nearest(places: Mapping[int, Point], x: float, y: float, within_m: float) -> int | None:
+def nearest(places: Mapping[int, tuple[Point, Point]], x: float, y: float, within_m: float) -> int | None:
     """Return the robot of `places` nearest to (x, y); None if none is `within_m`."""
-    near = [(distance(*place, x, y), robot) for robot, place in places.items()]
+    near = [(point_segment_distance(x, y, *was, *now), robot) for robot, (was, now) in places.items()]
     away, robot = min(near, default=(math.inf, 0))
     return robot if away < within_m else None
 
@@ -135,7 +163,7 @@ def _behind_bodies(scene: HazardScene, rule: str, others: Neighbourhood) -> Hind
     robot = nearest(others.places, x, y, SAME_RADII * scene.arena.shape.radius)
     if robot is not None:
         return Hindrance(rule, (robot,))
-    return Hindrance(rule, (), f"a robot at ({x:.2f}, {y:.2f}) that no hello accounts for")
+    return Hindrance(rule, (), f"a robot near ({x:.1f}, {y:.1f}) that no hello accounts for")
 
 
 def _allowed(scene: HazardScene, body: SeenBody, seen: SeenBody) -> float:

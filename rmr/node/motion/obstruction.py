@@ -79,14 +79,19 @@ def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point])
     return robots_named(near) if near else ""
 
 
-def robots_named(robots: Sequence[int]) -> str:
+def robots_named(robots: Sequence[int], verb: str = "stand") -> str:
     """Return the subject and the verb of a sentence: `robot 3 stands`, or `robots 3 and 4 stand`."""
+    return f"{robots_listed(robots)} {verb}{'s' if len(robots) == 1 else ''}"
+
+
+def robots_listed(robots: Sequence[int]) -> str:
+    """Return `robot 3`, or `robots 3 and 4`."""
     if len(robots) == 1:
-        return f"robot {robots[0]} stands"
+        return f"robot {robots[0]}"
     named = [str(robot) for robot in robots[:NAMED_MAX]]
     if len(robots) > NAMED_MAX:
-        return f"robots {', '.join(named)} and {len(robots) - NAMED_MAX} more stand"
-    return f"robots {', '.join(named[:-1])} and {named[-1]} stand"
+        return f"robots {', '.join(named)} and {len(robots) - NAMED_MAX} more"
+    return f"robots {', '.join(named[:-1])} and {named[-1]}"
 
 
 def closest_solid(arena: Arena, x: float, y: float) -> str:

@@ -13,7 +13,9 @@ import math
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
 from rmr.node.crossing.phases import Inside
+from rmr.node.motion.hindrance import hindrance_words
 from rmr.node.motion.obstruction import closest_solid, robots_named
+from rmr.node.standstill import Motion, motion_state
 from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
@@ -69,7 +71,8 @@ class ProgressChecker:
             self._tell(now, (robot,), "; ".join([words, *self._reasons(robot)]))
         if not still and long == busy and not any(self._waits(robot) for robot in busy):
             words = f"no robot has got on for {in_seconds(STILL):g} s; not finished: {', '.join(map(str, busy))}"
-            self._tell(now, tuple(busy), words)
+            reasons = [f"robot {robot}: {', '.join(found)}" for robot in busy if (found := self._reasons(robot))]
+            self._tell(now, tuple(busy), "; ".join([words, *reasons]))
 
     def _tell(self, now: Instant, robots: tuple[int, ...], words: str) -> None:
         """Report a violation, and another one only after the same time again."""
@@ -96,7 +99,21 @@ class ProgressChecker:
             reasons.append(f"{robots_named(near)} in its way")
         if arena.clearance(x, y) < radius + TOUCHES_M:
             reasons.append(f"it touches {closest_solid(arena, x, y)}")
-        return reasons
+        return [*reasons, *self._hindrance(robot, near)]
+
+    def _hindrance(self, robot: int, named: list[int]) -> list[str]:
+        """Return the hazard rule that keeps the robot, as it knows the others, unless these are `named` already."""
+        node = self._view.node(robot)
+        drive = node.actions.driving
+        since = None if drive is None else drive.started
+        state = motion_state(node.now, node.driver, node.peers, robot, node.config.roster, since)
+        if (
+            state is None
+            or state.motion is not Motion.STANDS
+            or (state.why.robots and set(state.why.robots) <= {*named})
+        ):
+            return []
+        return list(filter(None, [hindrance_words(state.why)]))
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` holds `event`."""

@@ -1,0 +1,128 @@
+"""Parts of explained delays: behind whom a robot waits, the time of a delivery, intervals cut and merged."""
+
+from rmr.base.time import NEVER, milliseconds, seconds
+from rmr.why.delay_owner import Interval, TimeOwner
+from rmr.why.interval_parts import cut_at, deaths, merged, without
+from rmr.why.radio_time import Attempt, radio_time
+from rmr.why.robot_history import CauseKind, DeliverySpan, EventCause, KnownOrder, PassageSpan, RobotHistory
+from rmr.why.turn_order import NO_SCHEDULE, OWN_SLOT, waits_behind
+
+GROUP = "crossing(exit)"
+KEY = (1, 2, 0, 7)
+
+
+def histories(order=(2, 3, 1), **entered):
+    """Return robots 1 to 3, of which 1 heard the schedule at 1 s; `r2=(4, 6)`: robot 2 was inside from 4 s to 6 s."""
+    robots = {robot: RobotHistory(robot) for robot in (1, 2, 3)}
+    if order:
+        robots[1].orders.append(KnownOrder(seconds(1), GROUP, 2, order))
+    for name, (begin, end) in entered.items():
+        robots[int(name[1:])].passages.append(PassageSpan(GROUP, seconds(begin), seconds(end)))
+    return robots
+
+
+def waits(robots, begin, end):
+    found = waits_behind(robots, 1, GROUP, seconds(begin), seconds(end))
+    return [(each.begin / 1e9, each.end / 1e9, each.whom, each.detail) for each in found]
+
+
+def test_wait_for_a_turn_has_an_interval_for_each_robot_ahead_in_their_order():
+    assert waits(histories(r2=(4, 6), r3=(5, 8)), 0, 8) == [
+        (0, 1, (), NO_SCHEDULE),
+        (1, 4, (2,), "yet to enter"),
+        (4, 5, (2,), "inside"),
+        (5, 8, (3,), "inside"),
+    ]
+
+
+def test_wait_between_two_passages_is_behind_the_robot_that_is_yet_to_enter():
+    assert waits(histories(r2=(2, 3), r3=(6, 7)), 2, 7) == [
+        (2, 3, (2,), "inside"),
+        (3, 6, (3,), "yet to enter"),
+        (6, 7, (3,), "inside"),
+    ]
+
+
+def test_first_robot_of_a_schedule_waits_for_its_own_slot():
+    assert waits(histories(order=(1, 2, 3)), 2, 4) == [(2, 4, (), OWN_SLOT)]
+
+
+def test_robot_outside_of_the_schedule_waits_for_one_that_names_it():
+    assert waits(histories(order=(2, 3)), 2, 4) == [(2, 4, (), NO_SCHEDULE)]
+
+
+def test_passage_of_another_group_is_nobody_ahead():
+    robots = histories(order=(1,))
+    robots[2].passages.append(PassageSpan("charging(dock)", seconds(1), seconds(9)))
+    assert waits(robots, 2, 4) == [(2, 4, (), OWN_SLOT)]
+
+
+def delivery(*handed_ms):
+    span = DeliverySpan(KEY, 0, 1, EventCause(CauseKind.GIVEN))
+    span.transmissions = [(milliseconds(at), handle) for handle, at in enumerate(handed_ms, 1)]
+    return span
+
+
+def radio(span, end_ms, attempts):
+    made = {key: [Attempt(milliseconds(a), milliseconds(b)) for a, b in tries] for key, tries in attempts.items()}
+    return [(part.begin / 1e6, part.owner) for part in radio_time(span, milliseconds(end_ms), made)]
+
+
+def test_delivery_at_the_first_attempt_is_channel_access_until_it_is_read():
+    assert radio(delivery(0), 20, {(1, 1): [(3, 5)]}) == [
+        (0, TimeOwner.RADIO_QUEUE),
+        (0, TimeOwner.CHANNEL_ACCESS),
+        (5, TimeOwner.LATE_TICK),
+    ]
+
+
+def test_frames_of_the_sender_that_go_first_are_radio_queue():
+    parts = radio(delivery(0), 12, {(1, 1): [(9, 12)], (1, 5): [(2, 7)], (3, 9): [(7, 8)]})
+    assert parts == [(0, TimeOwner.RADIO_QUEUE), (7, TimeOwner.CHANNEL_ACCESS)]
+
+
+def test_retransmissions_of_medium_access_and_exchange_are_repeats():
+    parts = radio(delivery(0, 150), 170, {(1, 1): [(3, 5), (8, 10)], (1, 2): [(160, 170)]})
+    assert parts == [(0, TimeOwner.RADIO_QUEUE), (0, TimeOwner.CHANNEL_ACCESS), (5, TimeOwner.REPEATS)]
+
+
+def test_without_recorded_frames_the_instants_of_the_sender_must_do():
+    assert radio(delivery(2, 150), 170, {}) == [
+        (0, TimeOwner.RADIO_QUEUE),
+        (2, TimeOwner.CHANNEL_ACCESS),
+        (150, TimeOwner.REPEATS),
+    ]
+
+
+def standing(begin, end, rule, whom=(4,)):
+    return Interval(begin, end, TimeOwner.STANDING, 1, whom, rule)
+
+
+def test_neighbours_that_stand_for_one_robot_by_several_rules_are_one_interval():
+    found = merged([standing(0, 2, "danger"), standing(2, 3, "arc"), standing(3, 5, "danger")])
+    assert found == (standing(0, 5, "danger, arc"),)
+
+
+def test_neighbours_that_stand_for_different_robots_stay_apart():
+    intervals = (standing(0, 2, "danger"), standing(2, 3, "danger", (5,)))
+    assert merged(intervals) == intervals
+
+
+def test_interval_is_cut_at_the_deadline():
+    assert cut_at((standing(0, 5, "danger"), standing(5, 9, "arc")), 3) == (
+        standing(0, 3, "danger"),
+        standing(3, 5, "danger"),
+        standing(5, 9, "arc"),
+    )
+
+
+def test_time_in_which_the_robot_was_called_late_goes_to_that_owner():
+    parts = without([standing(0, 10, "danger")], [(2, 4), (8, 12)], TimeOwner.LATE_TICK, 1, "late")
+    late = [Interval(2, 4, TimeOwner.LATE_TICK, 1, (), "late"), Interval(8, 10, TimeOwner.LATE_TICK, 1, (), "late")]
+    assert parts == [standing(0, 2, "danger"), late[0], standing(4, 8, "danger"), late[1]]
+
+
+def test_robot_is_dead_between_its_lives_and_after_the_last():
+    history = RobotHistory(1, lives=[(0, 5), (7, 9), (12, NEVER)])
+    assert deaths(history) == [(5, 7), (9, 12)]
+    assert deaths(RobotHistory(1, lives=[(0, 5)])) == [(5, NEVER)]
