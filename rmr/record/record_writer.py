@@ -154,6 +154,13 @@ class RecordWriter:
         if self._mcap is not None:
             self._attempt(self._mcap.flush)
 
+    def discard(self) -> None:
+        """Close the file and remove it: there is nothing to record."""
+        self._mcap = None
+        self._close_file()
+        with suppress(OSError):
+            self.path.unlink()
+
     def close(self) -> None:
         """Write the index and close the file."""
         self._encode()

@@ -135,6 +135,8 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
+        if recorder is not None:
+            recorder.writer.discard()
         return ExitCode.USAGE
     if viewer is not None:
         viewer.attach(simulation, None if recorder is None else recorder.writer)
@@ -186,7 +188,11 @@ def _prepared(
     if arguments.no_record:
         return None, loaded.simulation(arguments.seed, level)
     writer = simulation_writer(loaded, arguments.seed, arguments.record or folder / RUN_FILE)
-    simulation = loaded.simulation(arguments.seed, level, writer.mind)
+    try:
+        simulation = loaded.simulation(arguments.seed, level, writer.mind)
+    except BaseException:  # a run that does not begin leaves no recording
+        writer.discard()
+        raise
     return SimulationRecorder(simulation, loaded, writer), simulation
 
 
