@@ -10,7 +10,7 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
-from rmr.why.delay_source import RunHistory, run_history
+from rmr.why.delay_source import RecordedHistories, run_history
 from rmr.why.delay_text import delay_data, delay_text, delays_text
 from rmr.why.missed_jobs import FORM, asked_delay, missed_delays
 from rmr.why.question import WhyError
@@ -40,7 +40,7 @@ def explain_missed(
 
 
 def _answer(
-    run: RunHistory,
+    run: RecordedHistories,
     where: str,
     robot: int | None,
     asked: str | None,

@@ -9,6 +9,8 @@ import os
 import signal
 import sys
 
+from rmr.entry import ExitCode
+
 PR_SET_PDEATHSIG = 1
 """Option of prctl(2), from linux/prctl.h."""
 
@@ -19,7 +21,7 @@ def main() -> None:
     command = sys.argv[2:]
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
     if os.getppid() != parent:  # it died before the kernel was asked
-        sys.exit(1)
+        sys.exit(ExitCode.FAILED)
     os.execv(command[0], command)
 
 

@@ -23,7 +23,7 @@ FAULTS: Final = "/faults"
 
 
 @dataclass(frozen=True, slots=True)
-class RunHistory:
+class RecordedHistories:
     """What all robots of a run did."""
 
     program: Program
@@ -33,7 +33,7 @@ class RunHistory:
     problems: tuple[str, ...]
 
 
-def run_history(recording: Recording) -> RunHistory:
+def run_history(recording: Recording) -> RecordedHistories:
     """Replay the minds of `recording`. Raises UnexplainableError if it has no program, or no mind at all."""
     known = ReplayedHistories(recording)  # checks the recording; its own replays are not needed
     program = known.program
@@ -54,7 +54,7 @@ def run_history(recording: Recording) -> RunHistory:
     for listener in listeners.values():
         listener.ended(ends)
     histories = {robot: listener.history for robot, listener in listeners.items()}
-    return RunHistory(program, histories, _attempts(recording), tuple(problems))
+    return RecordedHistories(program, histories, _attempts(recording), tuple(problems))
 
 
 def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant], *, again: bool) -> str:

@@ -8,7 +8,7 @@ from rmr.base.ids import spelled
 from rmr.base.time import Instant, in_seconds
 from rmr.vm.job import TimedJob
 from rmr.why.critical_path import Delay, explained
-from rmr.why.delay_source import RunHistory
+from rmr.why.delay_source import RecordedHistories
 from rmr.why.question import WhyError, robots_text
 from rmr.why.robot_history import RobotHistory
 
@@ -16,7 +16,7 @@ _JOB: Final = re.compile(r"(?P<name>\w+)@(?P<robot>\d{1,9})", re.ASCII)
 FORM: Final = "write the assertion and the robot, such as crossing@3"
 
 
-def missed_delays(run: RunHistory) -> list[Delay]:
+def missed_delays(run: RecordedHistories) -> list[Delay]:
     """Return the missed deadlines of all robots, explained, by deadline."""
     found = [
         (job.deadline, robot, job)
@@ -27,7 +27,7 @@ def missed_delays(run: RunHistory) -> list[Delay]:
     return [_explained(run, robot, job) for _, robot, job in sorted(found, key=lambda each: each[:2])]
 
 
-def asked_delay(run: RunHistory, asked: str, at: Instant | None) -> Delay:
+def asked_delay(run: RecordedHistories, asked: str, at: Instant | None) -> Delay:
     """Return one job explained: the newest of those meant by `asked`, or the one that ran `at` an instant.
 
     Raises WhyError if there is none, or it is not decided.
@@ -66,7 +66,7 @@ def is_missed(history: RobotHistory, job: TimedJob) -> bool:
     return job.missed or (lost and not later)
 
 
-def _explained(run: RunHistory, robot: int, job: TimedJob) -> Delay:
+def _explained(run: RecordedHistories, robot: int, job: TimedJob) -> Delay:
     return explained(run.robots, run.program, run.attempts, robot, job)
 
 

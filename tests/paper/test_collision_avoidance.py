@@ -37,8 +37,8 @@ def test_iv_e_the_field_of_view_has_an_orientation_an_angle_and_a_depth():
 def test_iv_e_a_robot_stops_if_dangerous():
     nav = Navigator(ROOM, 1)
     nav.go(0, Pose(0.3, 0.75, 0.0), Point(1.2, 0.75))
-    free = nav.step(0, Pose(0.3, 0.75, 0.0), 0.01, (), False)
-    stopped = nav.step(0, Pose(0.3, 0.75, 0.0), 0.01, (SeenBody(0.145, 0.0, 0.0, 0.0),), False)
+    free = nav.step(0, Pose(0.3, 0.75, 0.0), (), False)
+    stopped = nav.step(0, Pose(0.3, 0.75, 0.0), (SeenBody(0.145, 0.0, 0.0, 0.0),), False)
     assert free.v == pytest.approx(ROOM.shape.speed)
     assert stopped.v == 0.0
 

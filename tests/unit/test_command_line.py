@@ -15,10 +15,12 @@ from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, 
 from rmr_agent.main import command as agent
 from rmr_deploy.fault import command as fault
 from rmr_deploy.up import command as up
+from rmr_deploy.why_program import why_command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import command as sim
 from rmr_view.plot import command as plot
+from rmr_view.view import command as view
 from rmr_world.main import command as world
 
 ROOT = Path(__file__).parents[2]
@@ -33,6 +35,8 @@ PROGRAMS = {
     "rmr lab": lab,
     "rmr new": new,
     "rmr plot": plot(),
+    "rmr view": view(),
+    "rmr why": why_command(),
 }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from rmr.record.recording import open_recording
 from rmr.why.critical_path import Delay, explained
 from rmr.why.delay_owner import TimeOwner
-from rmr.why.delay_source import RunHistory, run_history
+from rmr.why.delay_source import RecordedHistories, run_history
 from rmr.why.missed_jobs import is_missed, missed_delays
 from rmr_sim.main import main as simulate
 
@@ -17,7 +17,7 @@ LABS = Path(__file__).parents[2] / "deploy" / "labs"
 RUSH = LABS / "testbed" / "rush.yaml"
 
 
-def recorded(lab: Path, folder: Path, *words: str) -> RunHistory:
+def recorded(lab: Path, folder: Path, *words: str) -> RecordedHistories:
     """Record a run of `lab` in `folder` and replay it."""
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         simulate([str(lab), *words, "--run", str(folder)])
@@ -40,7 +40,7 @@ def check_exact(delay: Delay) -> None:
     assert late == max(0, delay.end - delay.job.deadline)
 
 
-def check_run(folder: Path, run: RunHistory) -> Counter[TimeOwner]:
+def check_run(folder: Path, run: RecordedHistories) -> Counter[TimeOwner]:
     """Check all jobs of a run, and its missed deadlines against the report; return the nanoseconds of each owner."""
     owners: Counter[TimeOwner] = Counter()
     for robot, history in run.robots.items():

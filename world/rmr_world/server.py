@@ -95,7 +95,7 @@ class WorldServer:
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
         self._map = self._describe()
-        self._recorder = WorldRecorder(recorder, lab, seed, bus.run)
+        self._recorder = WorldRecorder(recorder, lab, seed, lambda: bus.run)
 
     def _describe(self) -> wire.Map:
         """Return the map: the configuration of the run for every robot."""

@@ -17,8 +17,8 @@ from rmr_world.lab import Lab
 class WorldRecorder:
     """The world's part of the recording; without a `recorder` it is none."""
 
-    def __init__(self, recorder: ProcessRecorder | None, lab: Lab, seed: int, run: int) -> None:
-        """`run` is the number of the world's session."""
+    def __init__(self, recorder: ProcessRecorder | None, lab: Lab, seed: int, run: Callable[[], int]) -> None:
+        """`run` returns the number of the world's session."""
         self._recorder = recorder
         self._lab = lab
         self._seed = seed
@@ -31,7 +31,7 @@ class WorldRecorder:
         lab = self._lab
         if self._recorder is None:
             return
-        self._writer = writer = self._recorder.begin(lab.name, self._seed, lab.roster, self._run, now)
+        self._writer = writer = self._recorder.begin(lab.name, self._seed, lab.roster, self._run(), now)
         writer.write("/scene", 0, scene(lab.arena, lab.roster))
         writer.write("/floor", 0, grid(lab.arena))
         self._poses = PoseRecorder(writer)

@@ -146,6 +146,11 @@ class EntryGate:
         """Return how far from the mouth the centre of a robot that waits is, metres."""
         return route.room_m + self.shape.radius + HOLD_MARGIN_M
 
+    def met_by(self, route: Route | None) -> int | None:
+        """Return the robot's way inside a bottleneck in which others may come towards it; None elsewhere."""
+        inside = self.passed and not self.cleared
+        return route.way if inside and route is not None and route.room_m > 0.0 else None
+
     def waiting(self, now: Instant, route: Route) -> bool:
         """Return whether standing is in order, because the robot's turn at the gate is still to come."""
         if route.gate_m is None or self.opened or self.passed:

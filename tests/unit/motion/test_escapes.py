@@ -35,6 +35,14 @@ DEADLOCK = Impasse(
 )
 
 
+def within(way: int) -> Impasse:
+    """Return a deadlock in a bottleneck with two entrances, entered by the one of index `way`."""
+    assert DEADLOCK.route is not None
+    gate = EntryGate(FLOOR.shape, holding=False)
+    gate.passed = True
+    return replace(DEADLOCK, gate=gate, route=replace(DEADLOCK.route, gate_m=0.0, way=way, room_m=0.19))
+
+
 def chosen(impasse: Impasse, without: frozenset[str] = frozenset()) -> tuple[str, Manoeuvre]:
     switches = RuleSwitches(without)
     manoeuvre = EscapePolicy(switches).choose(impasse)
@@ -52,6 +60,7 @@ def chosen(impasse: Impasse, without: frozenset[str] = frozenset()) -> tuple[str
         (replace(DEADLOCK, endured=1, replan=lambda: True), "retreat"),
         (replace(DEADLOCK, at=Point(0.75, 0.75), goal=Point(1.38, 0.9), endured=4, robot=2), "reverse"),
         (replace(DEADLOCK, symptom=DeadlockCause.NO_WAY_BACK, endured=1), "retreat"),
+        (within(1), "give_way"),
     ],
 )
 def test_the_first_escape_of_the_table_that_applies_and_finds_room_is_taken(impasse: Impasse, name: str) -> None:
@@ -75,6 +84,13 @@ def test_where_there_is_no_way_around_the_reverse_manoeuvre_is_twice_as_long() -
     around = [chosen(replace(DEADLOCK, tries=tries, replan=lambda: True))[1].reverse for tries in (1, 2, 3)]
     assert around == [seconds(REVERSE_S), seconds(REVERSE_S), seconds(2.0 * REVERSE_S)]
     assert chosen(DEADLOCK)[1].reverse == seconds(2.0 * REVERSE_S)
+
+
+def test_head_to_head_in_a_bottleneck_one_direction_gives_way_ever_farther_and_the_other_stays() -> None:
+    ways = [chosen(replace(within(1), tries=tries))[1].reverse for tries in range(1, 9)]
+    assert ways == sorted(ways)
+    assert ways[0] < ways[3] < ways[-1] == ways[-2]
+    assert {chosen(replace(within(0), tries=tries))[1].reverse for tries in range(1, 9)} == {0}
 
 
 def test_every_rule_and_every_escape_has_a_name_of_its_own() -> None:

@@ -16,7 +16,7 @@ TENTH = 10**8
 def test_the_world_records_scene_poses_and_disturbances(tmp_path):
     lab = load_lab(LAB)
     recorder = ProcessRecorder(tmp_path / "world.mcap", "world")
-    world = WorldRecorder(recorder, lab, lab.seed, 1)
+    world = WorldRecorder(recorder, lab, lab.seed, lambda: 1)
     world.begin(lambda: 0, [(1, Pose(0.0, 0.0, 0.0))])
     world.poses(TENTH, [(1, Pose(0.0, 0.0, 0.0))])
     world.poses(2 * TENTH, [(1, Pose(0.5, 0.0, 0.0))])
@@ -38,7 +38,7 @@ def test_the_world_records_scene_poses_and_disturbances(tmp_path):
 
 def test_without_a_recorder_nothing_is_recorded(tmp_path):
     lab = load_lab(LAB)
-    world = WorldRecorder(None, lab, lab.seed, 1)
+    world = WorldRecorder(None, lab, lab.seed, lambda: 1)
     world.begin(lambda: 0, [])
     world.poses(0, [(1, Pose(0.0, 0.0, 0.0))])
     world.fault(0, {})

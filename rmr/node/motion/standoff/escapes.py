@@ -26,6 +26,8 @@ RETREAT_SPREAD_S: Final = 6.0
 """How much longer a retreat takes at most, by chance."""
 REVERSE_S: Final = 0.4
 """Length of the reverse manoeuvre that makes room for a detour; twice as long where there is no detour."""
+GIVE_WAY_TRIES_MAX: Final = 5
+"""Number of tries after which giving way in the bottleneck gets no longer."""
 
 
 class DeadlockCause(Enum):
@@ -156,6 +158,23 @@ class Detour(Escape):
         return Manoeuvre(reverse=seconds(REVERSE_S if impasse.tries % 3 else 2.0 * REVERSE_S))
 
 
+class GiveWay(Escape):
+    """Drives back out of a bottleneck in which robots meet head-on.
+
+    If both went back, both would come back. So all that entered by the second entrance give way, ever farther, until
+    they are out; the others stay and follow up.
+    """
+
+    def applies(self, impasse: Impasse) -> bool:
+        """Return whether the robot is in a bottleneck that is entered from both sides."""
+        return impasse.symptom is DeadlockCause.DEADLOCK and impasse.gate.met_by(impasse.route) is not None
+
+    def act(self, impasse: Impasse) -> Manoeuvre | None:
+        """Return a reverse manoeuvre, none by the first entrance."""
+        length = 2.0 * REVERSE_S * min(impasse.tries, GIVE_WAY_TRIES_MAX)
+        return Manoeuvre(reverse=seconds(length if impasse.gate.met_by(impasse.route) else 0.0))
+
+
 class Reverse(Escape):
     """Drives back a little."""
 
@@ -195,6 +214,11 @@ ESCAPES: Final[tuple[Escape, ...]] = (
         "deadlock, and there is another route",
         "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others. They are taken to be "
         "5 cm farther to the left, so that both pass on the right",
+    ),
+    GiveWay(
+        "give_way",
+        "deadlock, head-on in a bottleneck that is entered from both sides",
+        "robots that entered by the second entrance reverse, for 0.8 s to 4 s, farther each time; the others stay",
     ),
     Reverse(
         "reverse",
