@@ -1,7 +1,7 @@
 """The tiers of the tests, a plugin of pytest.
 
 A test belongs to exactly one tier: `medium` or `slow` where a marker says so, else `medium` in the folders of
-`MEDIUM_FOLDERS`, else `fast`. `make test` runs the fast and the medium tests, `make test-slow` the slow ones,
+`MEDIUM_FOLDERS`, `slow` in those of `SLOW_FOLDERS`, else `fast`. `make test` runs the fast and the medium tests, `make test-slow` the slow ones,
 `make test-all` both.
 """
 
@@ -17,10 +17,11 @@ TESTS = Path(__file__).parent
 
 TIERS = ("fast", "medium", "slow")
 
-MEDIUM_FOLDERS = frozenset(
-    {"eval", "evaluation", "fuzz", "integration", "page", "paper", "properties", "sim", "validation"}
-)
+MEDIUM_FOLDERS = frozenset({"eval", "evaluation", "fuzz", "integration", "paper", "properties", "sim", "validation"})
 """Folders of tests/ whose tests run whole programs, labs, drawn examples or processes."""
+
+SLOW_FOLDERS = frozenset({"page"})
+"""Folders of tests/ whose tests drive a browser."""
 
 FAST_CPU_S = 5.0
 """Bound on the processor time of a fast test, ten times what a test may take to be left unmarked."""
@@ -35,7 +36,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if not _tiers(item):
             folder = item.path.relative_to(TESTS).parts[0] if item.path.is_relative_to(TESTS) else ""
-            item.add_marker("medium" if folder in MEDIUM_FOLDERS else "fast")
+            medium = "medium" if folder in MEDIUM_FOLDERS else "fast"
+            item.add_marker("slow" if folder in SLOW_FOLDERS else medium)
     config.stash[TIERS_OF] = {item.nodeid: _tiers(item) for item in items}
 
 

@@ -23,6 +23,8 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys
 from rmr.bus.secret import read_secret
 from rmr.bus.session import open_bus
 
+pytestmark = pytest.mark.slow
+
 FINISHED = wire.Status("finished", "", True, False, 10**9, {})
 ROBOTS = (1, 2, 3)
 KEYS = Keys("dash")

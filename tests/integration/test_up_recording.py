@@ -100,6 +100,7 @@ def test_robots_that_share_a_process_share_a_file(up):
         assert {message.data["source"] for message in recording.messages({"/frames"})} == {1, 2, 3}
 
 
+@pytest.mark.slow
 def test_a_recording_is_left_out_on_demand(up):
     run = up(DASH, "--no-record", "--robots", "1")
     assert run.wait() == 0, run.out + run.err

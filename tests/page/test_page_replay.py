@@ -20,7 +20,7 @@ def test_map_moves_while_playing_and_stands_while_paused(over, visit):
     page = visit(over.address)
     page.seek(6.0)
     page.pause()
-    before = page.robots()
+    before = until(page.robots, "robots")
     assert sorted(before) == [1, 2, 3, 4, 5, 6]
     drawn = page.read("frames")
     until(lambda: page.read("frames") > drawn + 5, "more frames")

@@ -14,19 +14,19 @@ def rush(folder, seed, *words):
     return check_run(folder / str(seed), recorded(RUSH, folder / str(seed), "--seed", str(seed), *words))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_intervals_of_deadlines_of_which_not_all_can_be_met_sum_exactly(tmp_path, seed):
     rush(tmp_path, seed)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_intervals_sum_exactly_under_faults_and_restarts(tmp_path, seed):
     rush(tmp_path, seed, "--chaos")
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize("lab", ["corridor", "twoway", "formation"])
 def test_intervals_sum_exactly_in_the_provided_labs_under_faults(tmp_path, lab):
     check_run(tmp_path / "run", recorded(LABS / lab, tmp_path / "run", "--seed", "1", "--chaos"))
