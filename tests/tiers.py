@@ -1,8 +1,8 @@
 """The tiers of the tests, a plugin of pytest.
 
 A test belongs to exactly one tier: `medium` or `slow` where a marker says so, else `medium` in the folders of
-`MEDIUM_FOLDERS`, `slow` in those of `SLOW_FOLDERS`, else `fast`. `make test` runs the fast and the medium tests, `make test-slow` the slow ones,
-`make test-all` both.
+`MEDIUM_FOLDERS` and `slow` in those of `SLOW_FOLDERS`, else `fast`. `make test` runs the fast and the medium tests,
+`make test-slow` the slow ones, `make test-all` both.
 """
 
 import gc

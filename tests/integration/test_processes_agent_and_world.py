@@ -72,6 +72,7 @@ def test_robot_and_world_publish_a_final_status_on_a_stop_request_and_leave(stag
     assert "ended (enough)" in robot.said()
 
 
+@pytest.mark.slow
 def test_robots_and_world_may_be_clients_of_another_router(stage):
     stage.world("--robots", "1")  # its router serves a second lab
     other = stage.folder / "other.yaml"

@@ -25,6 +25,7 @@ def received(newest, robot):
     return status.report.get("frames", {}).get("received", 0) if status is not None else 0
 
 
+@pytest.mark.slow
 def test_robots_with_the_key_communicate_after_a_restart_and_one_without_it_does_not_start(stage):
     stage.world()
     bare = stage.agent(1)

@@ -78,6 +78,7 @@ def test_a_run_that_finishes_leaves_a_report_logs_byte_code_and_no_process(up):
         assert [json.loads(line) for line in log.read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_robots_sharing_processes_finish_and_communicate_within_and_between_processes(up):
     run = up(DASH, "--processes", "2")
     assert run.wait() == 0, run.out + run.err
@@ -88,6 +89,7 @@ def test_robots_sharing_processes_finish_and_communicate_within_and_between_proc
     assert all(part["frames"]["received"] > 0 for part in report["robots"].values())
 
 
+@pytest.mark.slow
 def test_a_part_of_the_report_larger_than_a_message_arrives(up):
     run = up(LABS / "ledger", "--robots", "1")
     assert run.wait() == 0, run.out + run.err
@@ -254,6 +256,7 @@ def test_a_stopped_robot_does_not_outlive_a_killed_launcher(up):
 # --- output that nobody takes ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_closed_standard_output_neither_ends_the_run_nor_loses_the_report(tmp_path):
     words = [*UP, str(DASH), "--run", str(tmp_path / "run")]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True)
@@ -278,6 +281,7 @@ def test_a_report_that_cannot_be_written_is_named_and_the_table_and_the_json_com
     assert "there is no report" in run.err
 
 
+@pytest.mark.slow
 def test_a_run_folder_that_is_removed_is_made_anew_for_the_report(up):
     run = up(DASH).running()
     shutil.rmtree(run.folder)
