@@ -14,9 +14,12 @@ from shown_run import FASTEST, LABS, ShownRecording, ShownRun
 from rmr_sim.main import main as simulate
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    """A browser for all tests of a process."""
+    """A browser for the tests of a module.
+
+    While it is open, playwright has an event loop running in this thread, and `asyncio.run` of other tests would fail.
+    """
     path = shutil.which("chromium")
     if path is None and os.environ.get("CI") != "true":
         pytest.skip("no chromium on the PATH: apt-get install chromium")
