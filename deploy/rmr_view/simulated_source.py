@@ -94,6 +94,10 @@ class SimulatedSource:
             self._faults += 1
             self.history.add_fault(_entry(record), given=record in simulation.lab.disturbances)
 
+    def _show_present(self) -> None:
+        """Show the tick at which lab time stands: not every tick is shown while it goes on."""
+        self.history.set_newest(in_seconds(self._simulation.now), self._poses())
+
     def _recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
         """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
         if topic in TAPPED:
@@ -236,6 +240,7 @@ class SimulatedSource:
         match order["do"]:
             case "pause":
                 pacer.pause()
+                await self._ask(self._show_present)
             case "resume":
                 pacer.resume()
             case "step":

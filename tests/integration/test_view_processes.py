@@ -124,6 +124,7 @@ def test_simulated_run_is_paused_stepped_sped_up_and_disturbed_from_the_page(tmp
             eventually(lambda: "the page: " in err.read_text())
             browser, token = opened(err.read_text())
             with browser.follow() as following:
+                eventually(lambda: browser.get("/api/run")["end_s"] > 0.2)  # the first tick takes long
                 assert browser.order(token, do="pause")[0] == 200
                 time.sleep(0.3)
                 t = settled(browser)
