@@ -11,7 +11,7 @@ from rmr.columns.columns import Columns
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import Engine
 
-pytestmark = pytest.mark.medium
+pytestmark = pytest.mark.slow
 
 ROBOTS = [0, 1, 2, 7, 65533]
 RUNS = 12

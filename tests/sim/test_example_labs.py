@@ -72,7 +72,6 @@ def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
         assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
-@pytest.mark.slow
 @pytest.mark.medium
 def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_before_it_asks_for_a_turn():
     lab = LABS / "aisles"

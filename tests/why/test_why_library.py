@@ -21,7 +21,7 @@ RUNS = [
 ]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "arguments"), RUNS, ids=lambda each: getattr(each, "stem", None))
 def test_every_leaf_of_every_provenance_tree_is_given_outside_or_sensed(path, arguments, monkeypatch):
     if "columnar" in arguments:

@@ -19,7 +19,7 @@ from rmr_deploy.preparation import RunOptions, RunPlan
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 
-pytestmark = pytest.mark.medium
+pytestmark = pytest.mark.slow
 
 STANDIN = Path(__file__).with_name("standin.py")
 

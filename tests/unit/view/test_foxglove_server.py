@@ -24,7 +24,7 @@ from rmr_view import foxglove_server, view
 from rmr_view.foxglove_feed import LAG_S, LiveFeed, RecordedFeed
 from rmr_view.foxglove_server import ADVERTISED, NUMBERS, FoxgloveClient, FoxgloveServer, serve_foxglove
 
-pytestmark = pytest.mark.medium
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 V1 = "foxglove.websocket.v1"

@@ -53,7 +53,7 @@ def test_end_of_the_run_is_told_with_the_report_to_present_and_later_clients(sou
         assert heard(later, "end")["report"] == {"finished": True}
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_hundred_clients_follow_at_once(source, browser):
     with ExitStack() as stack:
         followers = [stack.enter_context(browser.follow(close_timeout=0.1)) for _ in range(100)]
@@ -71,7 +71,7 @@ def test_a_hundred_clients_follow_at_once(source, browser):
     assert browser.fetch("/api/run")[0] == 200
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_client_that_never_reads_is_sent_nothing_more_and_others_go_on(source, browser):
     deaf = socket.create_connection(("127.0.0.1", browser.port))
     deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
