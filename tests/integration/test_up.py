@@ -8,24 +8,9 @@ import subprocess
 import sys
 
 import pytest
-from launched import CORRIDOR, LABS, TESTBED, UP, Launched, eventually
+from launched import CORRIDOR, LABS, TESTBED, UP, eventually
 
 DASH = LABS / "dash"
-
-
-@pytest.fixture
-def up(tmp_path):
-    """Return a function that starts `rmr up`."""
-    started = []
-
-    def start(lab, *options):
-        launched = Launched(lab, tmp_path, *options)
-        started.append(launched)
-        return launched
-
-    yield start
-    for launched in started:
-        launched.clean_up()
 
 
 @pytest.fixture

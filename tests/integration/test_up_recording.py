@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator
-from launched import LABS, Launched, eventually
+from launched import LABS, eventually
 from mcap.reader import make_reader
 
 from rmr.record.channels import CHANNELS, schema_of
@@ -20,21 +20,6 @@ from rmr.record.joining import join_run
 from rmr.record.recording import open_recording
 
 DASH = LABS / "dash"
-
-
-@pytest.fixture
-def up(tmp_path):
-    """Return a function that starts `rmr up`."""
-    started = []
-
-    def start(lab, *options):
-        launched = Launched(lab, tmp_path, *options)
-        started.append(launched)
-        return launched
-
-    yield start
-    for launched in started:
-        launched.clean_up()
 
 
 @pytest.fixture

@@ -8,28 +8,13 @@ import sys
 
 import pytest
 from command_runner import invoke
-from launched import CORRIDOR, LABS, Launched, eventually
+from launched import CORRIDOR, LABS, eventually
 
 from rmr.commands.replay_command import command
 from rmr.mind.recorded_minds import minds
 from rmr.record.recording import open_recording
 
 BURN = "while True: pass"
-
-
-@pytest.fixture
-def up(tmp_path):
-    """Return a function that starts `rmr up`."""
-    started = []
-
-    def start(lab, *options):
-        launched = Launched(lab, tmp_path, *options)
-        started.append(launched)
-        return launched
-
-    yield start
-    for launched in started:
-        launched.clean_up()
 
 
 @pytest.fixture
