@@ -240,16 +240,7 @@ class LiveSource:
         """Return what a robot knew and did at `t`, from the replay of its mind so far."""
         at = self.clock.t if t is None else t
         found = await self._minds.state(robot, t)
-        truth, estimate = self.history.pose(robot, at)
-        return {
-            "robot": robot,
-            "t": at,
-            **found,
-            "route": self.history.route(robot, at),
-            "pose": truth,
-            "estimate": estimate,
-            **self.history.status(robot, at),
-        }
+        return found | self.history.robot(robot, at)
 
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""

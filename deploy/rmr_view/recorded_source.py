@@ -135,17 +135,7 @@ class RecordedSource:
         """Return what a robot knew and did at `t`."""
         await self.refresh()
         at = self._end_s if t is None else t
-        truth, estimate = self.history.pose(robot, at)
-        status = self.history.status(robot, at)
-        return {
-            "robot": robot,
-            "t": at,
-            **await self._minds.state(robot, at),
-            "route": self.history.route(robot, at),
-            "pose": truth,
-            "estimate": estimate,
-            **status,
-        }
+        return await self._minds.state(robot, at) | self.history.robot(robot, at)
 
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""

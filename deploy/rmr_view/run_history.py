@@ -230,6 +230,12 @@ class RunHistory:
             index = bisect_right(routes, t, key=lambda entry: float(entry["t"])) - 1
             return routes[index]["points"] or None if index >= 0 else None
 
+    def robot(self, robot: int, t: float) -> dict[str, Any]:
+        """Return what is known of a robot at `t`, seconds, without its mind: route, poses, status."""
+        truth, estimate = self.pose(robot, t)
+        known = {"robot": robot, "t": t, "route": self.route(robot, t), "pose": truth, "estimate": estimate}
+        return known | self.status(robot, t)
+
     def status(self, robot: int, t: float) -> dict[str, Any]:
         """Return the state of `robot` at `t`; empty if it is unknown."""
         with self._lock:
