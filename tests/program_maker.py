@@ -18,6 +18,7 @@ from rmr.bytecode.program import (
     Assertion,
     Atom,
     Base,
+    Best,
     Bind,
     Code,
     Comprehension,
@@ -29,8 +30,10 @@ from rmr.bytecode.program import (
     DeriveFact,
     DeriveGoal,
     Effect,
+    Fold,
     Guard,
     Head,
+    HeadValue,
     InitialFact,
     InitialGoal,
     Instruction,
@@ -38,6 +41,7 @@ from rmr.bytecode.program import (
     Lead,
     Mode,
     Operator,
+    OwnFunction,
     Pattern,
     Place,
     Predicate,
@@ -48,6 +52,7 @@ from rmr.bytecode.program import (
     Steps,
     Strategy,
     Type,
+    When,
 )
 from rmr.bytecode.provided import PREDICATES
 
@@ -62,9 +67,11 @@ COMPARISON = [Op.EQ, Op.NE, Op.LT, Op.LE, Op.GT, Op.GE]
 APART = Type(Base.SYMBOL, "apart")
 """The type of a slot that is better left alone."""
 CALL = {function.name: Instruction(Op.CALL, index) for index, function in enumerate(FUNCTIONS)}
-SLOTS = 12
+SLOTS = 20
 OUTER, INNER, RESULT = range(6), range(6, 11), 11
 """Slots that a rule's body may bind, those of an inner body, and an aggregate's result."""
+FOLDED, FOLDS, VALUES = range(12, 15), range(15, 17), range(17, 19)
+"""Slots that the inner body of a fold may bind, the results of folds, and values that a head works out."""
 ROBOTS = [0, 1, 2, 200, ROBOT_ID_MAX]
 
 
@@ -76,8 +83,14 @@ def here() -> Bound:
 class Maker:
     """One program in the making."""
 
+    own: list[OwnFunction]
+    """The program's functions."""
+    drawing = False
+    """Whether the head of a rule is being made, which may call random()."""
+
     def __init__(self, seed: int) -> None:
         self.rng = Random(seed)
+        self.own = []
         self.bare = self.declared()
         self.facts = [i for i, p in enumerate(self.bare) if p.kind is not Kind.ACTION]
         self.unsensed = [i for i in self.facts if self.bare[i].kind is not Kind.SENSED]
@@ -96,13 +109,27 @@ class Maker:
         kinds = [Kind.TEMPORARY, Kind.ACTION, *self.rng.choices(list(Kind), k=self.rng.randint(1, 4))]
         types = [self.type() for _ in range(4)]
         own = [
-            Predicate(f"p{i}{self.word()}", kind, tuple(self.rng.choices(types, k=self.rng.randint(0, 3))))
+            Predicate(
+                f"p{i}{self.word()}",
+                kind,
+                tuple(self.rng.choices(types, k=self.rng.randint(0, 3))),
+                unordered=i % 2 == 1 and kind is not Kind.SENSED,
+            )
             for i, kind in enumerate(kinds)
         ]
+        own = list(map(self.with_best, own))
         names = self.rng.sample(list(PREDICATES), k=self.rng.randint(0, 2))
         return own + [
             Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9)) for name in names
         ]
+
+    def with_best(self, predicate: Predicate) -> Predicate:
+        """A persistent predicate of which only the best facts are kept, now and then."""
+        ordered = (Base.INT, Base.FLOAT, Base.STRING)
+        places = [place for place, kind in enumerate(predicate.types) if kind.base in ordered]
+        if predicate.kind is not Kind.PERSISTENT or not places or self.chance(0.6):
+            return predicate
+        return replace(predicate, best=Best(self.rng.choice(places), self.chance(0.5)))
 
     def type(self, depth: int = 0) -> Type:
         if self.chance(0.2) and depth < 3:
@@ -134,6 +161,8 @@ class Maker:
         fitting = [slot for slot, known in bound.items() if known == kind or self.chance(0.03)]
         if fitting and self.chance(0.6):
             return (Instruction(Op.LOAD, self.rng.choice(fitting)),)
+        if depth < 3 and self.own and self.chance(0.05):
+            return self.applied(lambda wanted: self.code(bound, wanted, depth + 1, now))
         if depth < 3 and self.chance(0.4):
             return self.compound(lambda wanted: self.code(bound, wanted, depth + 1, now), kind, now)
         return (self.constant(kind if self.chance(0.95) else OPEN),)
@@ -152,7 +181,9 @@ class Maker:
         if kind.base is Base.LIST:
             shapes += [self.list] * 8
         code = self.rng.choice(shapes)(part, kind)
-        return code if now or CALL["now"] not in code else part(kind)
+        timed = CALL["now"] in code and not now
+        drawn = CALL["random"] in code and not (now and self.drawing)
+        return part(kind) if timed or drawn else code
 
     def choice(self, part: Callable[[Type], Code], kind: Type) -> Code:
         yes, no = part(kind), part(kind)
@@ -190,6 +221,28 @@ class Maker:
         index = self.rng.randrange(len(FUNCTIONS))
         kinds = self.rng.choices([INT, FLOAT, ROBOT, Type(Base.LIST, element=INT)], k=FUNCTIONS[index].arity)
         return (*(each for kind in kinds for each in part(kind)), Instruction(Op.CALL, index))
+
+    def applied(self, part: Callable[[Type], Code]) -> Code:
+        """A call of a function of the program."""
+        index = self.rng.randrange(len(self.own))
+        function = self.own[index]
+        args = [part(INT) for _ in range(function.arity)]
+        return (*(each for arg in args for each in arg), Instruction(Op.APPLY, index, function))
+
+    def functions(self) -> None:
+        """Make the program's functions; each may call any of them."""
+        names = self.rng.choices(["f", "let", "g"], k=self.rng.choice([0, 0, 0, 1, 2]))
+        self.own = [OwnFunction(name, self.rng.choice([0, 1, 1, 2])) for name in names]
+        for each in self.own:
+            each.code = self.defined(dict.fromkeys(range(each.arity), INT))
+
+    def defined(self, bound: Bound) -> Code:
+        """The code of a function: one that calls functions does so mostly on a condition."""
+        code = self.code(bound, INT, now=False)
+        if self.chance(0.5) or not bound:
+            return code
+        calls = self.applied(lambda kind: self.code(bound, kind, 2, now=False))
+        return self.choice(lambda kind: self.code(bound, kind, 2, now=False) if kind is BOOL else calls, INT)
 
     def argument(self, bound: Bound, kind: Type) -> Code:
         """The expression of a derived argument: a constant alone has the type that is declared."""
@@ -245,7 +298,45 @@ class Maker:
                 bound[free[0]] = kind if len(code) > 1 else APART
         return tuple(body)
 
+    def folds(self, bound: Bound) -> tuple[Conjunct, ...]:
+        """Folds behind the atoms of a body, and a condition on each; `bound` grows by their results."""
+        found: list[Conjunct] = []
+        for result in FOLDS:
+            if self.chance(0.85):
+                break
+            inner = dict(bound)
+            body = tuple(
+                replace(each, mode=Mode.KEEP) if isinstance(each, Atom) and each.mode is Mode.CONSUME else each
+                for each in self.body(FOLDED, inner)
+            )
+            operator = self.rng.choice(list(Operator))
+            kind = self.rng.choice([INT, INT, FLOAT])
+            term = None if operator is Operator.COUNT else self.code(inner, kind, now=False)
+            new = tuple(slot for slot in inner if slot not in bound)
+            found.append(Fold(operator, term, result, new, body))
+            bound[result] = Type(Base.LIST) if operator is Operator.COLLECT else INT
+            if self.chance(0.6):
+                op = Instruction(self.rng.choice(COMPARISON))
+                found.append(Guard((Instruction(Op.LOAD, result), *self.code(bound, bound[result], now=False), op)))
+        return tuple(found)
+
     # ---- heads
+
+    def heads(self, bound: Bound, count: int) -> tuple[Head, ...]:
+        """The items of a head, some of them on a condition."""
+        found: list[Head] = []
+        self.drawing = True
+        for value in VALUES:
+            if self.chance(0.2):
+                found.append(HeadValue(value, self.code(bound, BOOL)))
+                bound[value] = BOOL
+        values = [slot for slot in VALUES if slot in bound]
+        for _ in range(count):
+            item = self.head(bound)
+            on_condition = values and self.chance(0.6)
+            found.append(When(self.rng.choice(values), item) if on_condition else item)
+        self.drawing = False
+        return tuple(found)
 
     def item(self, bound: Bound) -> Derived:
         kind: type[Derived] = self.rng.choice([DeriveFact, DeriveFact, DeriveGoal, DeriveAction])
@@ -267,12 +358,13 @@ class Maker:
         operator = self.rng.choice(list(Operator))
         term = None if operator is Operator.COUNT else self.code(inner, self.rng.choice([INT, FLOAT, STRING, OPEN]))
         visible = inner if operator in (Operator.MIN, Operator.MAX) else bound
-        return Aggregate(operator, term, RESULT, new, body, self.item({**visible, RESULT: INT}))
+        return Aggregate(operator, term, RESULT, new, body, (self.item({**visible, RESULT: INT}),))
 
     def rule(self) -> Rule:
         bound = here()
         body = self.body(OUTER, bound)
-        return Rule(SLOTS, body, tuple(self.head(bound) for _ in range(self.rng.randint(0, 3))))
+        body += self.folds(bound)
+        return Rule(SLOTS, body, self.heads(bound, self.rng.randint(0, 3)))
 
     # ---- the other tables
 
@@ -345,6 +437,7 @@ class Maker:
         return Debug(places(rules), places(assertions), places(len(self.bare)))
 
     def program(self) -> Program:
+        self.functions()
         rules = tuple(self.rule() for _ in range(self.rng.randint(0, 5)))
         assertions = tuple(self.assertion() for _ in range(self.rng.randint(0, 2)))
         return Program(
@@ -355,4 +448,5 @@ class Maker:
             assertions,
             self.rng.choice(list(Strategy)),
             self.debug(len(rules), len(assertions)),
+            tuple(self.own),
         )

@@ -168,7 +168,7 @@ class Hand:
     ) -> Aggregate:
         """``[operator term => result | body | head]``; `term`: None for COUNT; `variables`: the body's new ones."""
         code = None if term is None else as_code(term)
-        return Aggregate(operator, code, result.slot, tuple(v.slot for v in variables), tuple(body), head)
+        return Aggregate(operator, code, result.slot, tuple(v.slot for v in variables), tuple(body), (head,))
 
     def then(self, *steps: Derived) -> Steps:
         return Steps(steps)

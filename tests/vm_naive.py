@@ -2,8 +2,9 @@
 
 It says what rules mean where there is no chance: of the satisfied rules of the best rank the first in the text; of
 its matches of that rank the one for whose kept facts it has fired least recently while it had a rank, then the one
-with the oldest facts. There is one goal at most, and which rules lead there from farther off is told. It shares with
-the machine the value of an expression and nothing else.
+with the oldest facts. There is one goal at most. Which rules lead there from farther off is told, with a rank for
+where no way over the facts that hold leads there; ways are searched forwards, from what a firing derives. It shares
+with the machine the value of an expression and nothing else.
 """
 
 from collections.abc import Iterator
@@ -59,6 +60,7 @@ class Match:
 
 
 UNRANKED = 1 << 30
+ESTIMATE = 1 << 29
 
 
 class Firing(NamedTuple):
@@ -128,10 +130,34 @@ class Naive:
         rank = UNRANKED
         if self.goal is not None:
             direct = self.goal in [(item.predicate, args) for item, args in derived]
-            rank = 0 if direct else self.leads.get(index, UNRANKED)
+            rank = 0 if direct else self.rank(index, derived)
         turns = match.consumed and rank != UNRANKED
         last = self._last.get((index, match.kept), 0) if turns else 0
         yield Firing(rank, index, last, match.key, match, consumed, derived)
+
+    def rank(self, index: int, derived: list[tuple[Derived, Args]]) -> int:
+        """The firings of the rules that lead to the goal, from what is derived there, while all other facts stay."""
+        if index not in self.leads:
+            return UNRANKED
+        level = 0
+        reached = {(item.predicate, args) for item, args in derived}
+        edge = set(reached)
+        while edge:
+            level += 1
+            edge = {after for fact in edge for rule in self.leads for after in self.after(rule, fact)} - reached
+            if self.goal in edge:
+                return level
+            reached |= edge
+        return ESTIMATE + self.leads[index]
+
+    def after(self, index: int, given: tuple[int, Args]) -> Iterator[tuple[int, Args]]:
+        """What a rule derives with a fact that need not hold, and others that do."""
+        rule = self.program.rules[index]
+        assumed = Fact(-1, *given)
+        for match in self.matches(rule.body, Match([], {0: Robot(1)}, []), [assumed, *self.facts]):
+            if assumed in match.facts:
+                for item, args in self.derive(rule, match)[1]:
+                    yield item.predicate, args
 
     def unfired(self, index: int, rule: Rule) -> list[Match]:
         found = list(self.matches(rule.body, Match([], {0: Robot(1)}, []), self.facts))
@@ -230,20 +256,20 @@ def aggregated(head: Aggregate, outer: Env, values: list[tuple[Value, Env]]) -> 
     alone = [value for value, _ in values]
     match head.operator:
         case Operator.COUNT:
-            return [item(head.head, {**outer, head.result: len(alone)})]
+            return [item(each, {**outer, head.result: len(alone)}) for each in head.head]
         case Operator.COLLECT:
-            return [item(head.head, {**outer, head.result: tuple(alone)})]
+            return [item(each, {**outer, head.result: tuple(alone)}) for each in head.head]
         case Operator.SUM:
             total = sum(alone)  # type: ignore[arg-type]
             if not INT_MIN <= total <= INT_MAX:
                 raise StoppedError
-            return [item(head.head, {**outer, head.result: total})]
+            return [item(each, {**outer, head.result: total}) for each in head.head]
         case _:
             if not values:
                 return []
             best = (min if head.operator is Operator.MIN else max)(alone)  # type: ignore[type-var]
             first = next(pair for pair in values if pair[0] == best)
-            return [item(head.head, {**first[1], head.result: first[0]})]
+            return [item(each, {**first[1], head.result: first[0]}) for each in head.head]
 
 
 def item(head: Derived, env: Env) -> tuple[Derived, Args]:

@@ -16,7 +16,7 @@ Such a given value may or may not equal a constant or another one: a reading tha
 different, any other takes it that they may be the same.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 from rmr.base.values import Robot, Value
@@ -43,6 +43,7 @@ from rmr.bytecode.program import (
     Program,
     Rule,
     Slot,
+    When,
 )
 
 APART = 1 << 16
@@ -93,7 +94,8 @@ class Derivation(NamedTuple):
 class Backwards:
     """All derivations of a program's rules on the robot that runs them."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, only: Callable[[Brought], bool] | None = None) -> None:
+        """Leave out the derivations of facts that are not what `only` asks for."""
         self.brought: list[tuple[int, ...]] = []
         """For each rule the predicates of the facts that it may bring about, to whomever."""
         self._derivations: dict[int, dict[object, list[Derivation]]] = {}
@@ -103,7 +105,8 @@ class Backwards:
             facts = tuple(brings(rule, program))
             self.brought.append(tuple(dict.fromkeys(fact.predicate for fact in facts)))
             for fact in facts:
-                self._read(index, fact)
+                if only is None or only(fact):
+                    self._read(index, fact)
 
     def deriving(self, predicate: int, args: Patterns) -> Iterator[Derivation]:
         """Yield the derivations of a predicate whose first argument may be the one of `args`."""
@@ -151,14 +154,24 @@ def derived_by(index: int, brought: Brought, known: Unifier, args: Patterns) -> 
 
 def brings(rule: Rule, program: Program) -> Iterator[Brought]:
     """Yield the facts that a firing may bring about, the declared effects of its actions among them."""
+    for _, found in brings_of_heads(rule, program):
+        yield from found
+
+
+def brings_of_heads(rule: Rule, program: Program) -> Iterator[tuple[Head, Iterator[Brought]]]:
+    """Yield the same by the parts of the head."""
     known = equations(rule.body, {})
     if known is not None:
         for head in rule.head:
-            yield from _of_head(head, rule.body, known, program)
+            yield head, _of_head(head, rule.body, known, program)
 
 
 def _of_head(head: Head, body: tuple[Conjunct, ...], known: Unifier, program: Program) -> Iterator[Brought]:
     """Yield what one head brings."""
+    if isinstance(head, When):
+        for each in _of_head(head.item, body, known, program):
+            yield each._replace(always=False)
+        return
     inner = head.body if isinstance(head, Comprehension | Aggregate) else ()
     matchless = isinstance(head, Aggregate) and head.operator not in WINNING
     within = equations(() if matchless else inner, known)

@@ -27,6 +27,7 @@ from rmr.bytecode.program import (
     DeriveGoal,
     Guard,
     Head,
+    HeadValue,
     InitialFact,
     Kind,
     Mode,
@@ -36,6 +37,7 @@ from rmr.bytecode.program import (
     Rule,
     Slot,
     Steps,
+    When,
 )
 
 FALLIBLE_MAX = 256
@@ -70,6 +72,8 @@ def obstacles(program: Program, given: Sequence[InitialFact] = ()) -> list[Obsta
 
     `given` are the facts that robots get beside the stated ones.
     """
+    if program.ensemble:
+        return [Obstacle("a rule reads facts of several robots, which columns do not join")]
     found = list(_Survey(program).obstacles())
     found += [
         Obstacle(f"a fact `{program.predicates[fact.predicate].name}` is given, which robots state themselves")
@@ -173,8 +177,11 @@ class _Survey:
                 line = self._line(conjunct.code, slots)
                 if line[-1].base is not Base.BOOL:
                     yield "a condition is neither true nor false"
-            else:
+            elif isinstance(conjunct, Bind):
                 self._fallible += fallible(slots.bind(conjunct))
+            else:
+                yield "the body counts or gathers facts: columns hold one of a predicate"
+                return
         for head in rule.head:
             yield from self._head(head, slots)
 
@@ -185,6 +192,9 @@ class _Survey:
 
     def _atom(self, atom: Atom, slots: Slots) -> Iterator[str]:
         predicate = self._program.predicates[atom.predicate]
+        if predicate.best is not None:
+            yield f"of `{predicate.name}` the best is kept, which columns do not compare"
+            return
         if predicate.provided and predicate.name != NUMBER:
             yield f"`{predicate.name}` is sensed: its facts come and go from outside"
             return
@@ -204,6 +214,9 @@ class _Survey:
             what = "a comprehension" if isinstance(head, Comprehension) else "an aggregate"
             yield f"{what} is for many facts of a predicate, columns hold one"
             return
+        if isinstance(head, HeadValue | When):
+            yield "the head has conditions, which columns do not hold"
+            return
         for item in head.steps if isinstance(head, Steps) else (head,):
             yield from self._item(item, slots)
 
@@ -215,6 +228,8 @@ class _Survey:
             yield f"the rule derives the {'goal' if is_goal else 'action'} `{predicate.name}`: columns hold {held}"
         elif item.owner != SELF:
             yield f"the rule sends `{predicate.name}` to another robot"
+        elif predicate.best is not None:
+            yield f"of `{predicate.name}` the best is kept, which columns do not compare"
         elif predicate.provided:
             yield f"the rule derives `{predicate.name}`, which robots state themselves"
         else:

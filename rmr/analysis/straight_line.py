@@ -122,6 +122,8 @@ class _Line:
             self._jump(op, index, index + 1 + operand)
         elif op is Op.LIST:
             raise Unsuitable("a list")
+        elif op is Op.APPLY:
+            raise Unsuitable("a function of the program")
         else:
             function = FUNCTIONS[operand] if op is Op.CALL and isinstance(operand, int) else None
             arity = function.arity if function else 2 if op in BINARY else 1

@@ -11,7 +11,16 @@ import hashlib
 from rmr.base.identity import REMEMBERED_MAX
 from rmr.bytecode.decoder import decode_tables
 from rmr.bytecode.encoder import encode_tables
-from rmr.bytecode.layout import DEBUG, FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
+from rmr.bytecode.layout import (
+    DEBUG,
+    FLAG_DEADLINE,
+    FLAG_DEBUG,
+    FLAG_ENSEMBLE,
+    FLAG_TEXTUAL,
+    VERSION,
+    assemble,
+    read_layout,
+)
 from rmr.bytecode.octets import BytecodeError
 from rmr.bytecode.program import Program, Strategy
 from rmr.bytecode.verify import verify
@@ -20,6 +29,10 @@ __all__ = ["VERSION", "BytecodeError", "decode", "digest", "encode"]
 
 _passed: dict[bytes, Program] = {}
 """Cache of the newest verified programs, by the SHA-256 hash of their octets."""
+
+
+STRATEGY_FLAGS = {Strategy.RANDOM: 0, Strategy.TEXTUAL: FLAG_TEXTUAL, Strategy.DEADLINE: FLAG_DEADLINE}
+"""The bit of the header's flags for each strategy."""
 
 
 def encode(program: Program, *, debug: bool) -> bytes:
@@ -31,9 +44,11 @@ def encode(program: Program, *, debug: bool) -> bytes:
     reasons = verify(program)
     if reasons:
         raise BytecodeError("the program does not verify: " + "; ".join(reasons))
-    flags = FLAG_TEXTUAL if program.strategy is Strategy.TEXTUAL else 0
+    flags = STRATEGY_FLAGS[program.strategy]
     if debug and program.debug is not None:
         flags |= FLAG_DEBUG
+    if program.ensemble:
+        flags |= FLAG_ENSEMBLE
     return assemble(flags, encode_tables(program, debug))
 
 

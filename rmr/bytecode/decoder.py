@@ -12,10 +12,13 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.encoder import (
     AGGREGATE,
+    BEST,
     BIND,
     COMPREHENSION,
     FINISHED_ELSEWHERE,
+    FOLD,
     FOR_ONE,
+    GOALS,
     GUARD,
     HERE,
     KIND_MASK,
@@ -24,18 +27,24 @@ from rmr.bytecode.encoder import (
     SCHEDULED,
     STEPS,
     TAGS,
+    UNORDERED,
+    VALUE,
+    WHEN,
 )
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, Layout
+from rmr.bytecode.layout import FLAG_DEADLINE, FLAG_DEBUG, FLAG_ENSEMBLE, FLAG_TEXTUAL, Layout
 from rmr.bytecode.octets import Reader
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import (
     ANY,
+    GOALS_OF,
+    REFERRING_DUTIES,
     Aggregate,
     Anything,
     Assertion,
     Atom,
     Base,
+    Best,
     Bind,
     Code,
     Comprehension,
@@ -44,9 +53,13 @@ from rmr.bytecode.program import (
     Debug,
     DeriveAction,
     Derived,
+    Duty,
     Effect,
+    Fold,
     Guard,
     Head,
+    HeadValue,
+    HiddenPredicate,
     InitialFact,
     InitialGoal,
     Instruction,
@@ -54,6 +67,7 @@ from rmr.bytecode.program import (
     Lead,
     Mode,
     Operator,
+    OwnFunction,
     Pattern,
     Place,
     Predicate,
@@ -64,6 +78,7 @@ from rmr.bytecode.program import (
     Steps,
     Strategy,
     Type,
+    When,
 )
 
 T = TypeVar("T")
@@ -96,6 +111,8 @@ class _Raw(NamedTuple):
     types: tuple[Type, ...]
     effects: int
     else_effects: int
+    best: Best | None
+    unordered: bool
 
 
 def decode_tables(data: bytes, layout: Layout, notes: list[Note] | None = None) -> Program:
@@ -120,13 +137,21 @@ class _Decoder:
         # Shared instances: an instruction without operand and an equal pattern are one object each.
         self.bare = {op: Instruction(op) for op, form in FORMS.items() if form.operand is Operand.NONE}
         self.shared: dict[int, Pattern] = {0: ANY}
+        # Expressions come before the functions that they call: those are made empty and filled by `function`.
+        self.functions = [OwnFunction("", 0) for _ in range(layout.tables["functions"].entries)]
+        self.filled = 0
+        self.within = False
+        """Whether the body of a fold is being read."""
 
     def program(self) -> Program:
         self.constants = self.table("constants", Reader.value)
         self.codes = self.table("code", self.code)
+        functions = tuple(self.table("functions", self.function))
         self.raw = self.table("predicates", self.predicate)
         effects = self.table("effects", self.effect)
-        strategy = Strategy.TEXTUAL if self.layout.flags & FLAG_TEXTUAL else Strategy.RANDOM
+        flags = self.layout.flags
+        deadline = Strategy.DEADLINE if flags & FLAG_DEADLINE else Strategy.RANDOM
+        strategy = Strategy.TEXTUAL if flags & FLAG_TEXTUAL else deadline
         return Program(
             predicates=self.predicates(effects),
             facts=tuple(self.table("facts", self.fact)),
@@ -134,7 +159,9 @@ class _Decoder:
             rules=tuple(self.table("rules", self.rule)),
             assertions=tuple(self.table("assertions", self.assertion)),
             strategy=strategy,
+            functions=functions,
             debug=self.debug(),
+            ensemble=self.ensemble(),
         )
 
     def table(self, name: str, read: Callable[[Reader], T]) -> list[T]:
@@ -162,10 +189,25 @@ class _Decoder:
         if op is None:
             raise reader.fail(f"unknown opcode 0x{octet:02x}")
         bare = self.bare.get(op)
-        instruction = Instruction(op, self.operand(reader, FORMS[op].operand)) if bare is None else bare
+        instruction = self.loaded(reader, op) if bare is None else bare
         if self.notes is not None:
             self.notes.append(Note(INSTRUCTION, begin, reader.position, instruction))
         return instruction
+
+    def loaded(self, reader: Reader, op: Op) -> Instruction:
+        """Return an instruction with an operand."""
+        if op is Op.APPLY:
+            index = reader.index(len(self.functions), "functions of the program")
+            return Instruction(op, index, self.functions[index])
+        return Instruction(op, self.operand(reader, FORMS[op].operand))
+
+    def function(self, reader: Reader) -> OwnFunction:
+        function = self.functions[self.filled]
+        self.filled += 1
+        function.name = self.name(reader)
+        function.arity = reader.varint()
+        function.code = self.expression(reader)
+        return function
 
     def operand(self, reader: Reader, form: Operand) -> Value:
         if form is Operand.CONSTANT:
@@ -190,14 +232,20 @@ class _Decoder:
 
     def predicate(self, reader: Reader) -> _Raw:
         octet = reader.octet()
-        if octet & ~(KIND_MASK | PROVIDED):
+        if octet & ~(KIND_MASK | PROVIDED | BEST | GOALS | UNORDERED):
             raise reader.fail(f"unknown kind of predicate 0x{octet:02x}")
         kind = Kind(octet & KIND_MASK)
-        name = self.name(reader)
+        name = (GOALS_OF if octet & GOALS else "") + self.name(reader)
         types = tuple([self.type(reader) for _ in range(reader.count())])
+        best = self.best(reader) if octet & BEST else None
         limit = self.layout.tables["effects"].entries
         counts = (reader.count(limit), reader.count(limit)) if kind is Kind.ACTION else (0, 0)
-        return _Raw(name, kind, bool(octet & PROVIDED), types, *counts)
+        return _Raw(name, kind, bool(octet & PROVIDED), types, *counts, best, bool(octet & UNORDERED))
+
+    @staticmethod
+    def best(reader: Reader) -> Best:
+        number = reader.varint()
+        return Best(number >> 1, bool(number & 1))
 
     def type(self, reader: Reader, nesting: int = 0) -> Type:
         octet = reader.octet()
@@ -220,7 +268,9 @@ class _Decoder:
         for raw in self.raw:
             done = tuple([next(rest) for _ in range(raw.effects)])
             failed = tuple([next(rest) for _ in range(raw.else_effects)])
-            predicates.append(Predicate(raw.name, raw.kind, raw.types, raw.provided, done, failed))
+            predicates.append(
+                Predicate(raw.name, raw.kind, raw.types, raw.provided, done, failed, raw.best, raw.unordered)
+            )
         return tuple(predicates)
 
     def predicate_index(self, reader: Reader) -> int:
@@ -300,7 +350,24 @@ class _Decoder:
             return Guard(self.expression(reader))
         if tag == BIND:
             return Bind(reader.varint(), self.expression(reader))
+        if FOLD <= tag < FOLD + len(Operator):
+            return self.fold(reader, Operator(tag - FOLD))
         return self.atom(reader, tag)
+
+    def fold(self, reader: Reader, operator: Operator) -> Fold:
+        if self.within:
+            raise reader.fail("a fold within a fold")
+        self.within = True
+        fold = Fold(operator, *self.gathered(reader, operator))
+        self.within = False
+        return fold
+
+    def gathered(
+        self, reader: Reader, operator: Operator
+    ) -> tuple[Code | None, int, tuple[int, ...], tuple[Conjunct, ...]]:
+        """Return term, result, slots and body of a fold or an aggregate."""
+        term = None if operator is Operator.COUNT else self.expression(reader)
+        return term, reader.varint(), self.slots(reader), self.body(reader)
 
     def atom(self, reader: Reader, tag: int) -> Atom:
         if tag > Mode.ABSENT:
@@ -310,6 +377,13 @@ class _Decoder:
 
     def head(self, reader: Reader) -> Head:
         tag = reader.octet()
+        if tag == VALUE:
+            return HeadValue(reader.varint(), self.expression(reader))
+        if tag == WHEN:
+            return When(reader.varint(), self.part(reader, reader.octet()))
+        return self.part(reader, tag)
+
+    def part(self, reader: Reader, tag: int) -> Comprehension | Aggregate | Steps | Derived:
         if tag == COMPREHENSION:
             return Comprehension(self.slots(reader), self.body(reader), self.items(reader))
         if tag == STEPS:
@@ -319,11 +393,7 @@ class _Decoder:
         return self.item(reader, tag)
 
     def aggregate(self, reader: Reader, operator: Operator) -> Aggregate:
-        term = None if operator is Operator.COUNT else self.expression(reader)
-        result = reader.varint()
-        slots = self.slots(reader)
-        body = self.body(reader)
-        return Aggregate(operator, term, result, slots, body, self.item(reader, reader.octet()))
+        return Aggregate(operator, *self.gathered(reader, operator), self.items(reader))
 
     @staticmethod
     def slots(reader: Reader) -> tuple[int, ...]:
@@ -372,6 +442,22 @@ class _Decoder:
     def serving(self, reader: Reader) -> Serving:
         action = self.predicate_index(reader)
         return Serving(action, self.patterns(reader, action))
+
+    def ensemble(self) -> tuple[HiddenPredicate, ...]:
+        if not self.layout.flags & FLAG_ENSEMBLE:
+            return ()
+        entries = tuple(self.table("ensemble", self.hidden))
+        if not entries:
+            raise Reader(self.data, 0, 0).fail("the table of ensemble rules contradicts the flags")
+        return entries
+
+    def hidden(self, reader: Reader) -> HiddenPredicate:
+        predicate = self.predicate_index(reader)
+        duty = reader.octet()
+        if duty >= len(Duty):
+            raise reader.fail(f"unknown duty {duty} of a predicate")
+        refers = duty in REFERRING_DUTIES
+        return HiddenPredicate(predicate, Duty(duty), self.predicate_index(reader) if refers else None)
 
     def debug(self) -> Debug | None:
         entries = self.table("debug", self.debug_entry)

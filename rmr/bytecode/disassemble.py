@@ -11,7 +11,7 @@ from typing import TypeVar
 from rmr.base.values import Value, format_value
 from rmr.bytecode.decoder import INSTRUCTION, Note, decode_tables
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.layout import CRC_OFFSET, HEADER, TABLES, VERSION, Layout, read_layout
+from rmr.bytecode.layout import CRC_OFFSET, FLAG_WORDS, HEADER, TABLES, VERSION, Layout, read_layout, tables_of
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import (
     Aggregate,
@@ -26,14 +26,18 @@ from rmr.bytecode.program import (
     Debug,
     DeriveGoal,
     Effect,
+    Fold,
     Guard,
     Head,
+    HeadValue,
+    HiddenPredicate,
     InitialFact,
     InitialGoal,
     Instruction,
     Kind,
     Lead,
     Mode,
+    OwnFunction,
     Pattern,
     Place,
     Predicate,
@@ -42,6 +46,7 @@ from rmr.bytecode.program import (
     Slot,
     Steps,
     Type,
+    When,
 )
 
 OCTETS_SHOWN = 12
@@ -65,10 +70,10 @@ def disassemble(data: bytes) -> str:
     notes: list[Note] = []
     layout = read_layout(data)
     text = _Text(decode_tables(data, layout, notes))
-    entries = {table: [note for note in notes if note.table == table] for table in TABLES}
+    entries = {table: [note for note in notes if note.table == table] for table in tables_of(layout.flags)}
     instructions = iter([note for note in notes if note.table == INSTRUCTION])
     lines = list(_header(data, layout))
-    for table in TABLES:
+    for table in tables_of(layout.flags):
         count, start, end = layout.tables[table]
         lines.append(f"; {table}: {count} at 0x{start:04x}, {end - start} octets")
         for number, note in enumerate(entries[table]):
@@ -98,7 +103,8 @@ def _printable(text: str) -> str:
 def _header(data: bytes, layout: Layout) -> Iterator[str]:
     yield from _line(data, 0, 4, "magic")
     yield from _line(data, 4, 5, f"version {VERSION}")
-    yield from _line(data, 5, 6, f"flags {layout.flags:#04x}")
+    words = ", ".join([word for flag, word in FLAG_WORDS.items() if layout.flags & flag])
+    yield from _line(data, 5, 6, f"flags {layout.flags:#04x}{': ' if words else ''}{words}")
     yield from _line(data, 6, CRC_OFFSET, f"size {layout.size} octets")
     yield from _line(data, CRC_OFFSET, HEADER.size, f"CRC-32 {layout.crc:08x}")
     yield from _line(data, HEADER.size, layout.tables[TABLES[0]].start, "directory: entries and offset of each table")
@@ -149,6 +155,11 @@ class _Text:
             case InitialGoal() as goal:
                 text = "?" + self.term(goal.predicate, _owner(goal.owner), map(self.pattern, goal.args))
                 return text + _leads(goal.leads)
+            case OwnFunction() as function:
+                return f"{function.name}/{function.arity} = {self.code(function.code)}"
+            case HiddenPredicate(predicate=index, duty=duty, other=other):
+                behind = "" if other is None else f" of {self.program.predicates[other].name}"
+                return f"{self.program.predicates[index].name}: {duty.name.lower()}{behind}"
             case Debug():
                 return "places in the source"
         if note.table == "predicates":
@@ -186,6 +197,8 @@ class _Text:
         if form is Operand.FUNCTION:
             assert isinstance(operand, int)
             return f"CALL {FUNCTIONS[operand].name}/{FUNCTIONS[operand].arity}"
+        if instruction.function is not None:
+            return f"APPLY {operand}:{instruction.function.name}/{instruction.function.arity}"
         mark = "$" if form is Operand.SLOT else ""
         return f"{instruction.op.name} {mark}{self.value(operand)}"
 
@@ -206,7 +219,12 @@ class _Text:
         return f"{self.name(predicate)}({', '.join([owner, *args])})"
 
     def predicate(self, predicate: Predicate) -> str:
-        text = f"{_KINDS[predicate.kind]}{predicate.name}({', '.join(['robot', *map(type_text, predicate.types)])})"
+        types = list(map(type_text, predicate.types))
+        if predicate.best is not None:
+            at = predicate.best.argument
+            types[at : at + 1] = [f"{'min' if predicate.best.least else 'max'} {each}" for each in types[at : at + 1]]
+        words = ("unordered " if predicate.unordered else "") + _KINDS[predicate.kind]
+        text = f"{words}{predicate.name}({', '.join(['robot', *types])})"
         for word, effects in ((" -o ", predicate.effects), (" else ", predicate.else_effects)):
             if effects:
                 text += word + ", ".join(map(self.effect, effects))
@@ -229,6 +247,13 @@ class _Text:
                 return self.code(conjunct.code)
             case Bind():
                 return f"${conjunct.slot} = {self.code(conjunct.code)}"
+            case Fold():
+                return self.fold(conjunct)
+
+    def fold(self, fold: Fold) -> str:
+        term = "" if fold.term is None else self.code(fold.term) + ", "
+        slots = f"  ; {_slots(fold.slots)}" if fold.slots else ""
+        return f"${fold.result} = {fold.operator.name.lower()}({term}{self.body(fold.body)}{slots})"
 
     def atom(self, atom: Atom, owner: str = "$0") -> str:
         return self.term(atom.predicate, owner, map(self.pattern, atom.args))
@@ -244,6 +269,10 @@ class _Text:
                 return " then ".join(map(self.head, head.steps))
             case Aggregate():
                 return self.aggregate(head)
+            case HeadValue():
+                return f"${head.slot} = {self.code(head.code)}"
+            case When():
+                return f"if ${head.slot} {self.head(head.item)}"
         mark = "?" if isinstance(head, DeriveGoal) else ""
         return mark + self.term(head.predicate, self.code(head.owner), map(self.code, head.args))
 
@@ -251,7 +280,7 @@ class _Text:
         operator = aggregate.operator.name.lower()
         term = "" if aggregate.term is None else " " + self.code(aggregate.term)
         result = f"${aggregate.result}, {_slots(aggregate.slots)}" if aggregate.slots else f"${aggregate.result}"
-        return f"[{operator}{term} => {result} | {self.body(aggregate.body)} | {self.head(aggregate.head)}]"
+        return f"[{operator}{term} => {result} | {self.body(aggregate.body)} | {self.heads(aggregate.head)}]"
 
     def assertion(self, assertion: Assertion) -> str:
         start = self.atom(assertion.start, _owner(assertion.robot, "$0"))

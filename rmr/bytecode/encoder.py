@@ -12,6 +12,7 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.octets import Writer, identity
 from rmr.bytecode.opcodes import FORMS, Operand
 from rmr.bytecode.program import (
+    GOALS_OF,
     SELF_SLOT,
     Aggregate,
     Anything,
@@ -28,13 +29,18 @@ from rmr.bytecode.program import (
     DeriveFact,
     DeriveGoal,
     Effect,
+    Fold,
     Guard,
     Head,
+    HeadValue,
+    HiddenPredicate,
     InitialFact,
     InitialGoal,
     Instruction,
     Kind,
     Lead,
+    Operator,
+    OwnFunction,
     Pattern,
     Place,
     Predicate,
@@ -44,20 +50,33 @@ from rmr.bytecode.program import (
     Slot,
     Steps,
     Type,
+    When,
 )
 
 GUARD = 4
 """Tag of a guard among conjuncts; tags 0 to 3 are atoms, with the mode as tag."""
 BIND = 5
 """Tag of a binding among conjuncts."""
+FOLD = 6
+"""Tag of a fold among conjuncts, plus its operator."""
 FACT, GOAL, ACTION, COMPREHENSION, STEPS, AGGREGATE = range(6)
 """Tags of heads; an aggregate's tag is AGGREGATE plus its operator."""
+VALUE = AGGREGATE + len(Operator)
+"""Tag of a value that a head works out."""
+WHEN = VALUE + 1
+"""Tag of a conditional item; the slot of its condition and the item follow."""
 LIST_OF_ANYTHING = 8
 """Tag of a list type without an element type; tags 0 to 7 are the bases."""
 KIND_MASK = 3
 """Bits of a predicate's first octet that hold its kind."""
 PROVIDED = 4
 """Bit of a predicate's first octet: the predicate is provided."""
+BEST = 8
+"""Bit of a predicate's first octet: which facts are kept follows its types, the argument times 2, plus 1 for min."""
+GOALS = 16
+"""Bit of a predicate's first octet: it stands for the open goals of the predicate whose name is written."""
+UNORDERED = 32
+"""Bit of a predicate's first octet: what is sent of it takes effect when it arrives."""
 SCHEDULED = 1
 """Bit of an assertion's first octet: `assert`, not `watch`."""
 FOR_ONE = 2
@@ -124,6 +143,7 @@ def encode_tables(program: Program, debug: bool) -> dict[str, tuple[int, bytes]]
     encoder = _Encoder(program)
     effects = [e for p in program.predicates for e in (*p.effects, *p.else_effects)]
     tables = {
+        "functions": _table(program.functions, encoder.function),
         "predicates": _table(program.predicates, encoder.predicate),
         "effects": _table(effects, encoder.derived),
         "facts": _table(program.facts, encoder.fact),
@@ -132,6 +152,8 @@ def encode_tables(program: Program, debug: bool) -> dict[str, tuple[int, bytes]]
         "assertions": _table(program.assertions, encoder.assertion),
         "debug": _debug_table(program.debug if debug else None),
     }
+    if program.ensemble:
+        tables["ensemble"] = _table(program.ensemble, encoder.hidden)
     # The pools last: encoding the other tables fills them.
     pools = encoder.pools
     tables["code"] = (len(pools.codes), bytes(pools.code.octets))
@@ -178,15 +200,32 @@ class _Encoder:
         self.program = program
         self.pools = Pools()
 
+    def function(self, writer: Writer, function: OwnFunction) -> None:
+        writer.varint(self.pools.constant(Symbol(function.name)))
+        writer.varint(function.arity)
+        writer.varint(self.pools.expression(function.code))
+
     def predicate(self, writer: Writer, predicate: Predicate) -> None:
-        writer.octet(predicate.kind | (PROVIDED if predicate.provided else 0))
-        writer.varint(self.pools.constant(Symbol(predicate.name)))
+        best = predicate.best
+        bits = PROVIDED * predicate.provided | BEST * (best is not None) | UNORDERED * predicate.unordered
+        goals = predicate.name.startswith(GOALS_OF)
+        writer.octet(predicate.kind | bits | GOALS * goals)
+        writer.varint(self.pools.constant(Symbol(predicate.name.removeprefix(GOALS_OF))))
         writer.varint(len(predicate.types))
         for kind in predicate.types:
             self.type(writer, kind)
+        if best is not None:
+            writer.varint(best.argument * 2 + best.least)
         if predicate.kind is Kind.ACTION:
             writer.varint(len(predicate.effects))
             writer.varint(len(predicate.else_effects))
+
+    @staticmethod
+    def hidden(writer: Writer, hidden: HiddenPredicate) -> None:
+        writer.varint(hidden.predicate)
+        writer.octet(hidden.duty)
+        if hidden.other is not None:
+            writer.varint(hidden.other)
 
     def type(self, writer: Writer, kind: Type) -> None:
         if kind.base is Base.LIST and kind.element is None:
@@ -250,6 +289,9 @@ class _Encoder:
         for conjunct in body:
             if isinstance(conjunct, Atom):
                 self.atom(writer, conjunct)
+            elif isinstance(conjunct, Fold):
+                writer.octet(FOLD + conjunct.operator)
+                self.gathered(writer, conjunct)
             elif isinstance(conjunct, Guard):
                 writer.octet(GUARD)
                 writer.varint(self.pools.expression(conjunct.code))
@@ -280,18 +322,30 @@ class _Encoder:
                 self.heads(writer, head.steps)
             case Aggregate():
                 self.aggregate(writer, head)
+            case HeadValue():
+                writer.octet(VALUE)
+                writer.varint(head.slot)
+                writer.varint(self.pools.expression(head.code))
+            case When():
+                writer.octet(WHEN)
+                writer.varint(head.slot)
+                self.head(writer, head.item)
             case DeriveFact() | DeriveGoal() | DeriveAction():
                 writer.octet(TAGS[type(head)])
                 self.derived(writer, head)
 
     def aggregate(self, writer: Writer, head: Aggregate) -> None:
         writer.octet(AGGREGATE + head.operator)
-        if head.term is not None:
-            writer.varint(self.pools.expression(head.term))
-        writer.varint(head.result)
-        self.slots(writer, head.slots)
-        self.body(writer, head.body)
-        self.head(writer, head.head)
+        self.gathered(writer, head)
+        self.heads(writer, head.head)
+
+    def gathered(self, writer: Writer, part: Aggregate | Fold) -> None:
+        """Write what is gathered, and where it goes."""
+        if part.term is not None:
+            writer.varint(self.pools.expression(part.term))
+        writer.varint(part.result)
+        self.slots(writer, part.slots)
+        self.body(writer, part.body)
 
     @staticmethod
     def slots(writer: Writer, slots: tuple[int, ...]) -> None:

@@ -5,17 +5,19 @@ the operands of each instruction, and exactly one value is left. An expression i
 share it; whether its slots are bound is checked at each use.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rmr.bytecode.constants import Constants
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
 from rmr.bytecode.opcodes import FORMS, Op, Operand
-from rmr.bytecode.program import Code, Instruction
+from rmr.bytecode.program import Code, Instruction, OwnFunction
 
 TIMED = frozenset(index for index, function in enumerate(FUNCTIONS) if function.timed)
 """Indices of the functions of time."""
+DRAWN = frozenset(index for index, function in enumerate(FUNCTIONS) if function.drawn)
+"""Indices of the functions of chance."""
 JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
 """Instructions with a jump target."""
 
@@ -30,21 +32,24 @@ class Examined:
     """The slots that it reads, as a bit mask."""
     timed: bool
     """Whether it calls a function of time."""
+    drawn: bool
+    """Whether it calls a function of chance."""
 
 
-def examine(code: Code, constants: Constants) -> Examined:
-    """Return the properties of `code`."""
-    wrong = next((reason for each in code for reason in _operand(each, constants)), "") or _unbalanced(code)
+def examine(code: Code, constants: Constants, functions: Sequence[OwnFunction] = ()) -> Examined:
+    """Return the properties of `code` in a program that has `functions`."""
+    wrong = next((reason for each in code for reason in _operand(each, constants, functions)), "") or _unbalanced(code)
     if wrong:
-        return Examined(wrong, 0, False)
+        return Examined(wrong, 0, False, False)
     slots = 0
     for slot in {i.operand: None for i in code if i.op is Op.LOAD}:
         assert isinstance(slot, int)
         slots |= 1 << slot
-    return Examined("", slots, any(i.op is Op.CALL and i.operand in TIMED for i in code))
+    calls = {i.operand: None for i in code if i.op is Op.CALL}
+    return Examined("", slots, any(each in TIMED for each in calls), any(each in DRAWN for each in calls))
 
 
-def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
+def _operand(instruction: Instruction, constants: Constants, functions: Sequence[OwnFunction]) -> Iterator[str]:
     """Check the operand against the opcode table."""
     op = instruction.op
     operand = instruction.operand
@@ -60,8 +65,17 @@ def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
         yield f"there is no slot {operand}"
     elif form in (Operand.COUNT, Operand.SKIP) and operand < 0:  # type: ignore[operator]
         yield f"{op.name} with the negative operand {operand}"
+    elif form is Operand.OWN and not _is_of(instruction, functions):
+        yield f"there is no function {operand} of the program"
     elif form is Operand.FUNCTION and not 0 <= operand < len(FUNCTIONS):  # type: ignore[operator]
         yield f"there is no function {operand}"
+
+
+def _is_of(instruction: Instruction, functions: Sequence[OwnFunction]) -> bool:
+    """Tell whether an instruction refers to one of `functions`."""
+    index = instruction.operand
+    assert isinstance(index, int)
+    return 0 <= index < len(functions) and instruction.function is functions[index]
 
 
 def _unbalanced(code: Code) -> str:
@@ -91,6 +105,8 @@ def _effect(instruction: Instruction) -> tuple[int, int]:
     form = FORMS[instruction.op]
     if form.pops >= 0:
         return form.pops, form.pushes
+    if instruction.function is not None:
+        return instruction.function.arity, form.pushes
     operand = instruction.operand
     assert isinstance(operand, int)
     return (FUNCTIONS[operand].arity if form.operand is Operand.FUNCTION else operand), form.pushes

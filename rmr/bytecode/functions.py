@@ -17,7 +17,7 @@ from enum import Enum, auto
 from rmr.base.record import record
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
-from rmr.bytecode.arithmetic import NoValue, checked, numbers, same
+from rmr.bytecode.arithmetic import NoValue, built, checked, numbers, same
 from rmr.bytecode.conform import LENGTH_MAX
 
 SORTABLE: tuple[set[type], ...] = ({int, float}, {str}, {Symbol}, {Robot})
@@ -41,6 +41,8 @@ class Takes(Enum):
     """An index into the list argument, from 0."""
     ITEM = auto()
     """A value of the type of the list argument's items."""
+    INT = auto()
+    """A whole number."""
 
 
 class Gives(Enum):
@@ -55,6 +57,9 @@ class Gives(Enum):
     """The type of the list argument's items."""
     LIST = auto()
     """The type of the list argument."""
+    WIDER_LIST = auto()
+    """A list of the items of the list argument and of the item argument."""
+    ROBOT = auto()
 
 
 LISTS = frozenset({Takes.LIST, Takes.LIST_OR_STRING, Takes.SORTABLE_LIST})
@@ -84,6 +89,8 @@ class Function:
     """True if arguments of the right types may have no value, for which columns need a mask."""
     timed: bool = False
     """True if the value depends on the time; the only argument of `scalar` is then the instant in ns."""
+    drawn: bool = False
+    """True if each call gives another number of the robot's stream; `scalar` is then not called."""
     internal: bool = False
     """True for a function that only the compiler calls."""
     source: str | None = None
@@ -104,7 +111,7 @@ class Function:
     @property
     def numeric(self) -> bool:
         """Whether all its arguments are numbers."""
-        return not self.timed and all(each is Takes.NUMBER for each in self.takes)
+        return not self.timed and not self.drawn and all(each is Takes.NUMBER for each in self.takes)
 
     @property
     def list_at(self) -> int | None:
@@ -183,6 +190,65 @@ def _id(value: Value) -> Value:
     if type(value) is not Robot:
         raise NoValue("id of something that is no robot")
     return int(value)
+
+
+def _robot(value: Value) -> Value:
+    """Return the robot of a number."""
+    if type(value) is not int:
+        raise NoValue("robot of something that is no whole number")
+    if not 0 <= value <= ROBOT_ID_MAX:
+        raise NoValue("robot of a number that no robot has")
+    return Robot(value)
+
+
+def _remove(value: Value, item: Value) -> Value:
+    return tuple([each for each in _items("remove", value) if not same(item, each)])
+
+
+def _reverse(value: Value) -> Value:
+    return _items("reverse", value)[::-1]
+
+
+def _dedupe(value: Value) -> Value:
+    """Return the items, each once, at its first place; the work is quadratic only among items that hash alike."""
+    kept: dict[Value, list[Value]] = {}
+    found: list[Value] = []
+    for item in _items("dedupe", value):
+        # Python's 1, 1.0, True and @1 share a key; `same` tells them apart.
+        alike = kept.setdefault(item, [])
+        if not any(same(item, each) for each in alike):
+            alike.append(item)
+            found.append(item)
+    return tuple(found)
+
+
+def _slice(value: Value, first: Value, behind: Value) -> Value:
+    """Return the items from place `first` up to before place `behind`."""
+    items = _items("slice", value)
+    begin = _place("slice", first, len(items))
+    end = _place("slice", behind, len(items))
+    if begin > end:
+        raise NoValue("slice that ends before it begins")
+    return items[begin:end]
+
+
+def _update(value: Value, place: Value, item: Value) -> Value:
+    """Return the list with another item at `place`."""
+    items = _items("update", value)
+    at = _place("update", place, len(items) - 1)
+    return built((*items[:at], item, *items[at + 1 :]))
+
+
+def _index(value: Value, item: Value) -> Value:
+    """Return the place of the first of the items that are equal to `item`."""
+    for place, each in enumerate(_items("index", value)):
+        if same(item, each):
+            return place
+    raise NoValue("index of an item that the list does not have")
+
+
+def _nothing_drawn() -> Value:
+    raise NoValue("random where nothing is drawn")
 
 
 # ---- the table
@@ -277,6 +343,68 @@ FUNCTIONS: tuple[Function, ...] = (
         source="sorted",
     ),
     Function("rest", "L, I", (Takes.LIST, Takes.POSITION), Gives.LIST, _rest, internal=True, source="rest"),
+    Function("exp", "X", _ONE, Gives.FLOAT, math.exp, "e to the power of X, a float", bounds=(0, FLOAT_MAX)),
+    Function("log", "X", _ONE, Gives.FLOAT, math.log, "the natural logarithm, a float"),
+    Function(
+        "hypot",
+        "X, Y",
+        _TWO,
+        Gives.FLOAT,
+        math.hypot,
+        "the distance of the point X, Y from the origin",
+        bounds=(0, FLOAT_MAX),
+    ),
+    Function("robot", "N", (Takes.INT,), Gives.ROBOT, _robot, "the robot with the number N: `robot(4)` is `@4`"),
+    Function(
+        "remove",
+        "L, X",
+        (Takes.LIST, Takes.ITEM),
+        Gives.LIST,
+        _remove,
+        "the list L without the items equal to X",
+        example="remove(L, X)",
+    ),
+    Function("reverse", "L", (Takes.LIST,), Gives.LIST, _reverse, "the items in the opposite order"),
+    Function("dedupe", "L", (Takes.LIST,), Gives.LIST, _dedupe, "of equal items only the first"),
+    Function(
+        "slice",
+        "L, I, J",
+        (Takes.LIST, Takes.POSITION, Takes.POSITION),
+        Gives.LIST,
+        _slice,
+        "the items from place I up to before place J",
+        example="slice(L, 0, 2)",
+    ),
+    Function(
+        "update",
+        "L, I, X",
+        (Takes.LIST, Takes.POSITION, Takes.ITEM),
+        Gives.WIDER_LIST,
+        _update,
+        "the list L with X as item I",
+        example="update(L, 0, X)",
+    ),
+    Function(
+        "index",
+        "L, X",
+        (Takes.LIST, Takes.ITEM),
+        Gives.INT,
+        _index,
+        "the place of the first item equal to X",
+        example="index(L, X)",
+        bounds=(0, LENGTH_MAX),
+    ),
+    Function(
+        "random",
+        "",
+        (),
+        Gives.FLOAT,
+        _nothing_drawn,
+        "a random number from 0 up to below 1, another one at each call; in heads of rules only",
+        bounds=(0, 1),
+        fallible=False,
+        drawn=True,
+    ),
 )
 """The functions; the index of a row is the operand of CALL. `if` is none of them: it compiles to jumps."""
 

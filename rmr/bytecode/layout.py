@@ -3,7 +3,8 @@
     offset  octets  what
     0       4       magic ``RMR`` and 0x1A
     4       1       version
-    5       1       flags: bit 0 strategy textual, bit 1 a debug table is there
+    5       1       flags: bit 0 strategy textual, bit 1 a debug table is there, bit 2 a table of ensemble rules
+                    follows, bit 3 strategy deadline
     6       4       size of the whole file, little-endian
     10      4       CRC-32 (zlib) of everything but these four octets
     14      ...     directory: for each table the number of entries and the offset of the first one, varints;
@@ -21,9 +22,18 @@ from typing import NamedTuple
 from rmr.bytecode.octets import BytecodeError, Reader, Writer
 
 MAGIC = b"RMR\x1a"
-VERSION = 2
+VERSION = 3
 FLAG_TEXTUAL = 1
 FLAG_DEBUG = 2
+FLAG_ENSEMBLE = 4
+FLAG_DEADLINE = 8
+FLAG_WORDS = {
+    FLAG_TEXTUAL: "order textual",
+    FLAG_DEADLINE: "order deadline",
+    FLAG_DEBUG: "with a debug table",
+    FLAG_ENSEMBLE: "with ensemble rules",
+}
+"""What each flag says."""
 HEADER = struct.Struct("<4sBBII")
 CRC_OFFSET = 10
 SIZE_MAX = 1 << 22
@@ -32,7 +42,14 @@ memory."""
 
 DEBUG = "debug"
 """The table that a run does not read."""
-TABLES = ("constants", "code", "predicates", "effects", "facts", "goals", "rules", "assertions", DEBUG)
+TABLES = ("constants", "code", "functions", "predicates", "effects", "facts", "goals", "rules", "assertions", DEBUG)
+ENSEMBLE = "ensemble"
+"""The table behind the others in a file with `FLAG_ENSEMBLE`."""
+
+
+def tables_of(flags: int) -> tuple[str, ...]:
+    """Return the tables of a file with these flags, in the order of its directory."""
+    return (*TABLES, ENSEMBLE) if flags & FLAG_ENSEMBLE else TABLES
 
 
 class Table(NamedTuple):
@@ -67,12 +84,13 @@ def assemble(flags: int, tables: dict[str, tuple[int, bytes]]) -> bytes:
     """
     directory = Writer()
     offset = 0
-    for name in TABLES:
+    names = tables_of(flags)
+    for name in names:
         count, octets = tables[name]
         directory.varint(count)
         directory.varint(offset)
         offset += len(octets)
-    body = bytes(directory.octets) + b"".join(tables[name][1] for name in TABLES)
+    body = bytes(directory.octets) + b"".join(tables[name][1] for name in names)
     size = HEADER.size + len(body)
     if size > SIZE_MAX:
         raise BytecodeError(f"the program takes {size} octets, at most {SIZE_MAX} are possible")
@@ -100,20 +118,22 @@ def read_layout(data: bytes) -> Layout:
         raise BytecodeError(f"wrong size: the header says {size} octets, {len(data)} are there (at most {SIZE_MAX})")
     if crc != checksum(data):
         raise BytecodeError(f"damaged: its CRC-32 is {checksum(data):08x}, the header says {crc:08x}")
-    if flags & ~(FLAG_TEXTUAL | FLAG_DEBUG):
+    if flags & ~(FLAG_TEXTUAL | FLAG_DEBUG | FLAG_ENSEMBLE | FLAG_DEADLINE):
         raise BytecodeError(f"malformed byte-code: unknown flags 0x{flags:02x}")
-    return Layout(flags, size, crc, HEADER.size, _read_directory(data))
+    if flags & FLAG_TEXTUAL and flags & FLAG_DEADLINE:
+        raise BytecodeError(f"malformed byte-code: two strategies in the flags 0x{flags:02x}")
+    return Layout(flags, size, crc, HEADER.size, _read_directory(data, tables_of(flags)))
 
 
-def _read_directory(data: bytes) -> dict[str, Table]:
+def _read_directory(data: bytes, names: tuple[str, ...]) -> dict[str, Table]:
     """Return the extents of the tables, each within the file and behind the last one."""
     reader = Reader(data, HEADER.size, len(data))
-    entries = [(reader.varint(), reader.varint()) for _ in TABLES]
+    entries = [(reader.varint(), reader.varint()) for _ in names]
     base = reader.position
     starts = [base + offset for _, offset in entries]
     ends = [*starts[1:], len(data)]
     tables = {}
-    for name, (count, _), start, end in zip(TABLES, entries, starts, ends, strict=True):
+    for name, (count, _), start, end in zip(names, entries, starts, ends, strict=True):
         if not base <= start <= end <= len(data) or count > end - start:
             raise BytecodeError(f"malformed byte-code: the table of {name} does not fit ({count} entries)")
         tables[name] = Table(count, start, end)

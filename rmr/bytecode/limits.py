@@ -28,6 +28,9 @@ HEAD_MAX = 1024
 ARGUMENTS_MAX = 255
 """Arguments of a predicate."""
 
+FUNCTIONS_MAX = 1024
+"""Functions of a program: each takes a robot's compiler a millisecond."""
+
 EFFECTS_MAX = 255
 """Effects of an action on completion, and on failure."""
 
@@ -39,7 +42,7 @@ class Excess(NamedTuple):
     """An exceeded limit."""
 
     table: str
-    """The table: ``predicates``, ``rules`` or ``assertions``."""
+    """The table: ``functions``, ``predicates``, ``rules`` or ``assertions``."""
     entry: int
     """Index of the entry in its table."""
     text: str
@@ -48,7 +51,13 @@ class Excess(NamedTuple):
 
 def exceeded(program: Program) -> Iterator[Excess]:
     """Yield the limits that `program` exceeds, in the order of its tables."""
-    for table, counted in (("predicates", _predicates), ("rules", _rules), ("assertions", _assertions)):
+    tables = (
+        ("functions", _functions),
+        ("predicates", _predicates),
+        ("rules", _rules),
+        ("assertions", _assertions),
+    )
+    for table, counted in tables:
         for index, counts in enumerate(counted(program)):
             for count, most, what in counts:
                 if count > most:
@@ -57,6 +66,15 @@ def exceeded(program: Program) -> Iterator[Excess]:
 
 Counts = list[tuple[int, int, str]]
 """Quantities of one entry: number, limit, and what is counted, in the plural."""
+
+
+def _functions(program: Program) -> Iterator[Counts]:
+    for index, function in enumerate(program.functions):
+        yield [
+            (index + 1, FUNCTIONS_MAX, "functions in one program"),
+            (function.arity, ARGUMENTS_MAX, "arguments"),
+            _longest([function.code]),
+        ]
 
 
 def _predicates(program: Program) -> Iterator[Counts]:
@@ -78,6 +96,7 @@ def _rules(program: Program) -> Iterator[Counts]:
             (max(map(len, bodies)), CONJUNCTS_MAX, "conjuncts in a body"),
             _longest(heads.codes(rule.head)),
             _longest(each.code for body in bodies for each in body if isinstance(each, Guard | Bind)),
+            _longest(fold.term for fold in heads.folds(rule.body) if fold.term is not None),
         ]
 
 

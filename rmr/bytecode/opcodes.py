@@ -2,7 +2,7 @@
 
 An expression is a sequence of instructions for a stack machine. Jumps go forward only, by a count of instructions, so
 that every expression terminates. The verifier balances `pops` and `pushes`; CALL pops the function's arity, LIST its
-operand.
+operand, APPLY the arity of the program's function.
 """
 
 from enum import IntEnum
@@ -26,6 +26,8 @@ class Operand(IntEnum):
     """Number of instructions to skip, at least 0 (varint)."""
     COUNT = 6
     """Number of values (varint)."""
+    OWN = 7
+    """Index into the program's functions (varint)."""
 
 
 class Op(IntEnum):
@@ -52,6 +54,8 @@ class Op(IntEnum):
     CALL = 0x30
     LIST = 0x31
     """Make a list of COUNT values."""
+    APPLY = 0x32
+    """Call a function of the program."""
     JUMP = 0x40
     JUMP_IF_FALSE = 0x41
     """Pop the condition; skip when it is false."""
@@ -84,6 +88,7 @@ FORMS: dict[Op, Form] = {
     Op.FLOAT: Form(Operand.NONE, 1, 1),
     Op.CALL: Form(Operand.FUNCTION, -1, 1),
     Op.LIST: Form(Operand.COUNT, -1, 1),
+    Op.APPLY: Form(Operand.OWN, -1, 1),
     Op.JUMP: Form(Operand.SKIP, 0, 0),
     Op.JUMP_IF_FALSE: Form(Operand.SKIP, 1, 0),
     Op.AND: Form(Operand.SKIP, 1, 0),

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from rmr.bytecode.constants import Constants
 from rmr.bytecode.expressions import Examined, examine
 from rmr.bytecode.program import (
+    Aggregate,
     Anything,
     Atom,
     Base,
@@ -19,22 +20,33 @@ from rmr.bytecode.program import (
     Derived,
     DeriveFact,
     Effect,
+    Fold,
     Guard,
     Kind,
     Mode,
+    Operator,
+    OwnFunction,
     Pattern,
     Predicate,
     Slot,
     Type,
 )
-from rmr.bytecode.scope import Scope, literal
+from rmr.bytecode.scope import UNKNOWN, Scope, literal
+
+
+def result_type(part: Fold | Aggregate) -> Type:
+    """Return the static type of the result of a fold or an aggregate."""
+    return Type(Base.INT) if part.operator is Operator.COUNT else UNKNOWN
 
 
 class Checks:
     """The checks of one program's parts, with the results for shared constants and expressions."""
 
-    def __init__(self, predicates: tuple[Predicate, ...]) -> None:
+    def __init__(self, predicates: tuple[Predicate, ...], functions: tuple[OwnFunction, ...]) -> None:
         self.predicates = predicates
+        self._functions = functions
+        self.may_draw = False
+        """Whether the head of a rule is being checked: chance has no other place."""
         self.constants = Constants()
         self._examined: dict[int, Examined] = {}
         """Results by identity of the expression, which the program keeps alive; hashing it would visit all of it."""
@@ -66,10 +78,16 @@ class Checks:
 
     def body(self, body: Iterable[Conjunct], slots: int, scope: Scope) -> Iterator[str]:
         """Check a body; its bindings are added to `scope`."""
+        folded = False
         for conjunct in body:
             match conjunct:
                 case Atom():
+                    if folded and conjunct.mode is not Mode.ABSENT:
+                        yield "an atom behind a fold"
                     yield from self.atom(conjunct, slots, scope)
+                case Fold():
+                    folded = True
+                    yield from self._fold(conjunct, slots, scope)
                 case Guard(code=code):
                     yield from self.code(code, scope, now=False)
                 case Bind():
@@ -86,6 +104,30 @@ class Checks:
         if atom.mode is not Mode.ABSENT and linear != (atom.mode in (Mode.CONSUME, Mode.KEEP)):
             yield f"{atom.mode.name} of {predicate.name}, which is {predicate.kind.name}"
         scope.match(atom, predicate)
+
+    def _fold(self, fold: Fold, slots: int, scope: Scope) -> Iterator[str]:
+        listed = Scope(scope)
+        for slot in fold.slots:
+            yield from self.new(slot, UNKNOWN, slots, listed)
+        inner = Scope(scope)
+        yield from self.body(fold.body, slots, inner)
+        if inner.bound & ~listed.bound:
+            yield "an inner body binds a variable that is not listed"
+        if any(isinstance(each, Fold) for each in fold.body):
+            yield "a fold within a fold"
+        if any(isinstance(each, Atom) and each.mode is Mode.CONSUME for each in fold.body):
+            yield "a fold that consumes"
+        yield from self.term(fold, inner)
+        if fold.result in fold.slots:
+            yield f"slot {fold.result} is the result and a variable of the matches"
+        yield from self.new(fold.result, result_type(fold), slots, scope)
+
+    def term(self, part: Fold | Aggregate, inner: Scope) -> Iterator[str]:
+        """Check the term of a fold or an aggregate."""
+        if (part.term is None) != (part.operator is Operator.COUNT):
+            yield f"{part.operator.name} with a wrong number of terms"
+        if part.term is not None:
+            yield from self.code(part.term, inner, now=isinstance(part, Aggregate))
 
     def _bind(self, bind: Bind, slots: int, scope: Scope) -> Iterator[str]:
         yield from self.code(bind.code, scope, now=False)
@@ -112,7 +154,7 @@ class Checks:
             return
         predicate = self.predicates[item.predicate]
         if isinstance(item, DeriveFact) and predicate.kind is Kind.SENSED:
-            yield f"{predicate.name} is sensed, no rule derives it"
+            yield f"{predicate.name} is sensed, so no rule may derive it"
         for position, (code, kind) in enumerate(zip(item.args, predicate.types, strict=True)):
             value = literal(code)
             if value is not None and not self.constants.conforms(value, kind):
@@ -125,17 +167,19 @@ class Checks:
         value = literal(code)
         known = scope.type_of(code).base
         if not wrong and (known not in (Base.ROBOT, Base.OPEN) or type(value) is tuple):
-            yield "an owner or executor that is no robot"
+            yield "an owner or executor that is not a robot"
 
     def code(self, code: Code, scope: Scope, *, now: bool = True) -> Iterator[str]:
         """Check one expression under the bindings of `scope`; `now`: the functions of time are allowed."""
         known = self._examined.get(id(code))
         if known is None:
-            known = self._examined[id(code)] = examine(code, self.constants)
+            known = self._examined[id(code)] = examine(code, self.constants, self._functions)
         unbound = known.slots & ~scope.bound
         if known.wrong:
             yield known.wrong
         elif unbound:
             yield f"slot {unbound.bit_length() - 1} is used before it is bound"
         elif known.timed and not now:
-            yield "now() in a body: time alone satisfies no rule"
+            yield "now() in a body, but only heads may read the time"
+        elif known.drawn and not (now and self.may_draw):
+            yield "random() outside of a head"

@@ -50,12 +50,43 @@ class Type:
     """LIST only: the type of the items; None if it is undetermined."""
 
 
+class OwnFunction:
+    """A function of the program: an expression over its arguments, which may call functions of the program.
+
+    Instructions refer to it by identity, and functions may call one another in circles, so the code is set once all
+    functions are there.
+    """
+
+    __slots__ = ("arity", "code", "name")
+
+    def __init__(self, name: str, arity: int, code: "Code" = ()) -> None:
+        self.name = name
+        """For messages; several may have the same one."""
+        self.arity = arity
+        self.code = code
+        """Slots 0, 1, ... are the arguments."""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, OwnFunction):
+            return NotImplemented
+        # Not the code: functions that call one another would be compared without end.
+        return (self.name, self.arity) == (other.name, other.arity)
+
+    def __hash__(self) -> int:
+        return self.arity
+
+    def __repr__(self) -> str:
+        return f"OwnFunction({self.name!r}, {self.arity})"
+
+
 @record
 class Instruction:
     """One instruction; the operand is decoded (for CONST the value itself, for CALL the function's index)."""
 
     op: Op
     operand: Value | None = None
+    function: OwnFunction | None = None
+    """Of APPLY: what `operand` is the index of."""
 
 
 Code = tuple[Instruction, ...]
@@ -132,9 +163,38 @@ class Bind:
     code: Code
 
 
-Conjunct = Atom | Guard | Bind
+class Operator(IntEnum):
+    """The operators of aggregates."""
+
+    COUNT = 0
+    SUM = 1
+    MIN = 2
+    MAX = 3
+    COLLECT = 4
+
+
+@record
+class Fold:
+    """``N = count(p(R, X), X > 2)`` in a body: all matches of an inner body reduced to one value, which a slot gets.
+
+    It reads the facts as they stand before the firing, those that the rule consumes included. Of no match MIN and MAX
+    have no value, and the conjunct does not hold.
+    """
+
+    operator: Operator
+    term: Code | None
+    """The value of each match; None for COUNT."""
+    result: int
+    """The slot that gets the value; nothing else binds it."""
+    slots: tuple[int, ...]
+    """The variables that the inner body binds; nothing else uses them."""
+    body: "tuple[Conjunct, ...]"
+    """Atoms that consume nothing, guards and bindings."""
+
+
+Conjunct = Atom | Guard | Bind | Fold
 """One element of a body. The compiler orders them so that variables are bound before they are used; positive atoms
-keep their textual order."""
+keep their textual order, and folds stand behind all of them."""
 
 
 @record
@@ -179,19 +239,9 @@ class Comprehension:
     head: tuple[Derived, ...]
 
 
-class Operator(IntEnum):
-    """The operators of aggregates."""
-
-    COUNT = 0
-    SUM = 1
-    MIN = 2
-    MAX = 3
-    COLLECT = 4
-
-
 @record
 class Aggregate:
-    """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: all matches of the body reduced to one value, one head."""
+    """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: all matches of the body reduced to one value."""
 
     operator: Operator
     term: Code | None
@@ -201,7 +251,8 @@ class Aggregate:
     slots: tuple[int, ...]
     """The variables that the body binds; the head of MIN and MAX sees those of the winning match."""
     body: tuple[Conjunct, ...]
-    head: Derived
+    head: tuple[Derived, ...]
+    """What is derived, at least one item."""
 
 
 @record
@@ -215,7 +266,23 @@ class Steps:
     """The steps, at least two."""
 
 
-Head = Derived | Comprehension | Aggregate | Steps
+@record
+class HeadValue:
+    """A value that the head works out: the slot gets it when all items before have been evaluated."""
+
+    slot: int
+    code: Code
+
+
+@record
+class When:
+    """An item of a head that is left out unless the Boolean in a slot, which a `HeadValue` has bound, is true."""
+
+    slot: int
+    item: "Derived | Comprehension | Aggregate | Steps"
+
+
+Head = Derived | Comprehension | Aggregate | Steps | HeadValue | When
 
 
 @record
@@ -239,6 +306,16 @@ class Effect:
 
 
 @record
+class Best:
+    """``min`` or ``max`` of a persistent predicate: of facts that differ in one argument only, the best is kept."""
+
+    argument: int
+    """Its place, the owner not counted."""
+    least: bool
+    """True for ``min``."""
+
+
+@record
 class Predicate:
     """A predicate or an action."""
 
@@ -252,6 +329,17 @@ class Predicate:
     """Actions only: facts inserted on completion."""
     else_effects: tuple[Effect, ...] = ()
     """Actions only: facts inserted on failure."""
+    best: Best | None = None
+    """Persistent predicates only: which of several facts is kept; None: all."""
+    unordered: bool = False
+    """What is sent of it may overtake, and be overtaken by, what else goes to the same robot."""
+
+
+GOALS_OF = "?"
+"""First character of the name of a predicate that stands for the open goals of another one: ``?location``.
+
+It is sensed: bodies read it, the machine itself inserts and withdraws its facts, one for each open goal of constants.
+A head that derives a goal of it withdraws the goals that such a fact would fulfil (``not ?location(R, a)``)."""
 
 
 @record
@@ -322,11 +410,53 @@ class Assertion:
     """The owner of F, which reports to the job's robot: a slot that S binds, or a robot."""
 
 
+class Duty(IntEnum):
+    """What the runtime does with a predicate that the compiler has made for a rule over several robots."""
+
+    VIEW = 0
+    """Nothing beyond delivering it until it is acknowledged: what one robot tells another of its persistent facts."""
+    MESSAGE = 1
+    """A delivery takes effect as it arrives, and is repeated for as long as it is not acknowledged."""
+    DECISION = 2
+    """A message; when it has been acknowledged its sender gets the fact `other`, with the receiver as its first
+    argument."""
+    ASIDE = 3
+    """A fact of `other` that is set aside while a decision is under way; the first argument is the decision's
+    number."""
+    RETURN = 4
+    """An insertion is one of `other`, a fact that comes back: it starts and ends no job and discharges no goal."""
+    LIFE = 5
+    """Each robot has one such fact from its start: the number of its earlier starts."""
+    RESTARTED = 6
+    """After a restart a robot has one such fact for each other robot, which is its argument."""
+    NOTE = 7
+    """Nothing: a robot's own record."""
+
+
+REFERRING_DUTIES = (Duty.DECISION, Duty.ASIDE, Duty.RETURN)
+"""Duties that name another predicate."""
+
+SENT_DUTIES = (Duty.VIEW, Duty.MESSAGE, Duty.DECISION)
+"""Duties of predicates that are repeated until they are acknowledged."""
+
+
+@record
+class HiddenPredicate:
+    """A predicate that the compiler has made; no report shows its facts."""
+
+    predicate: int
+    duty: Duty
+    other: int | None = None
+    """DECISION, ASIDE and RETURN only: a predicate."""
+
+
 class Strategy(IntEnum):
     """Conflict resolution: the order of satisfied rules of equal rank."""
 
     RANDOM = 0
     TEXTUAL = 1
+    DEADLINE = 2
+    """The job that is due first; among equals drawn, as with `RANDOM`."""
 
 
 @record
@@ -358,6 +488,9 @@ class Program:
     assertions: tuple[Assertion, ...] = ()
     strategy: Strategy = Strategy.RANDOM
     debug: Debug | None = field(default=None, compare=False)
+    functions: tuple[OwnFunction, ...] = ()
+    ensemble: tuple[HiddenPredicate, ...] = ()
+    """What the compiler has made for rules over several robots, in ascending order."""
 
     def index(self, name: str) -> int | None:
         """Return the index of the predicate or action called `name`, or None."""

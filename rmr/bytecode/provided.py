@@ -48,6 +48,7 @@ PREDICATES: dict[str, ProvidedPredicate] = {
         ProvidedPredicate("at", (_AREA,)),
         ProvidedPredicate("pose", (_FLOAT, _FLOAT, _FLOAT)),
         ProvidedPredicate("peer", (_ROBOT,)),
+        ProvidedPredicate("robots", (_INT,)),
         ProvidedPredicate("neighbor", (_ROBOT,)),
         ProvidedPredicate("range", (_ROBOT, _FLOAT)),
         ProvidedPredicate("obstacle", ()),

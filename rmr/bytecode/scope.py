@@ -8,7 +8,20 @@ from collections.abc import Iterable, Sequence
 
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Mode, Predicate, Slot, Type
+from rmr.bytecode.program import (
+    SELF_SLOT,
+    Atom,
+    Base,
+    Bind,
+    Code,
+    Conjunct,
+    Fold,
+    Mode,
+    Operator,
+    Predicate,
+    Slot,
+    Type,
+)
 
 UNKNOWN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)
@@ -70,6 +83,9 @@ class Scope:
                 self.match(conjunct, predicates[conjunct.predicate])
             elif isinstance(conjunct, Bind):
                 self.bind(conjunct.slot, self.type_of(conjunct.code))
+            elif isinstance(conjunct, Fold):
+                counts = conjunct.operator is Operator.COUNT
+                self.bind(conjunct.result, Type(Base.INT) if counts else UNKNOWN)
 
     def type_at(self, slot: int) -> Type | None:
         """Return the type of `slot`; None if it is unbound."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.heads import codes
-from rmr.bytecode.program import Atom, Base, Code, Constant, InitialFact, Program, Slot
+from rmr.bytecode.program import Atom, Base, Bind, Code, Constant, Guard, InitialFact, Program, Slot
 from rmr.columns.numbers import Array
 
 
@@ -55,7 +55,7 @@ def _values(program: Program, given: Iterable[InitialFact]) -> Iterator[object]:
         for conjunct in rule.body:
             if isinstance(conjunct, Atom):
                 yield from (arg.value for arg in conjunct.args if isinstance(arg, Constant))
-            else:
+            elif isinstance(conjunct, Guard | Bind):
                 yield from _constants(conjunct.code)
         for code in codes(rule.head):
             yield from _constants(code)

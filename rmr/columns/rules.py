@@ -175,6 +175,7 @@ class ColumnRule:
                 place = _place(fallible(operations), found, places, follows)
                 yield _Condition(ColumnExpression(operations, layout), place, conjunct.slot)
             else:
+                assert isinstance(conjunct, Atom)  # a fold is an obstacle (`rmr.analysis.column_obstacles`)
                 linear = conjunct.mode in (Mode.CONSUME, Mode.KEEP)
                 yield _Fact(conjunct, program, slots, layout, again=linear and conjunct.predicate in found)
                 if conjunct.mode is not Mode.ABSENT:

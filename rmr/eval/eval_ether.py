@@ -15,9 +15,10 @@ from functools import partial
 from random import Random
 
 from rmr.base.kernel import RADIO, Kernel
-from rmr.base.time import Duration, Instant, milliseconds
+from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.eval.topology import Topology
 from rmr.node import payloads
+from rmr.node.logic.inbound import SEQUENCE_BITS, SEQUENCE_MASK, UNORDERED
 from rmr.node.payloads import PayloadKind
 from rmr.node.ports import Confirmed, Received
 
@@ -32,6 +33,8 @@ RSSI_DBM = -40.0
 LQI = 255
 """Link quality of every reception: the best value of IEEE 802.15.4."""
 
+NUMBERS_ALONE = frozenset({PayloadKind.FACT_ACK, PayloadKind.FACT_BASE, PayloadKind.FACT_BASE_WANTED})
+"""Kinds of frames that carry only sequence numbers of deliveries; they are not counted as messages."""
 COORDINATION_LAST = 0x0F
 """First octets up to this belong to coordination (`rmr.node.payloads`)."""
 
@@ -71,8 +74,9 @@ class EtherLink:
         self.on = True
         """Whether the robot lives."""
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Send a frame; outcomes are reported for unicasts of coordination alone, for nothing else uses them."""
+        del due  # no frame waits here
         self._ether.send(self, payload, destination, handle)
 
     def receive(self) -> list[Received]:
@@ -109,19 +113,20 @@ class EtherLink:
     def repeats(self, payload: bytes, destination: int | None) -> bool:
         """Return whether a frame that leaves repeats an earlier one, and remember it."""
         if destination is not None and payload[0] in (PayloadKind.FACT, PayloadKind.FRAGMENT):
-            return self._repeats_numbered(payload, destination)
+            frame = payloads.decode_fact_frame(payload)
+            if not frame.sequence & UNORDERED:
+                return self._repeats_numbered(frame, destination)
         known = (destination, payload) in self._said
         if not known:
             self._said.append((destination, payload))
         return known
 
-    def _repeats_numbered(self, payload: bytes, destination: int) -> bool:
-        """Numbers of first copies only rise (modulo 2**16), and the parts of one number follow each other."""
-        frame = payloads.decode_fact_frame(payload)
+    def _repeats_numbered(self, frame: payloads.FactFrame, destination: int) -> bool:
+        """Ordered numbers of first copies only rise (modulo 2**15), and the parts of one number follow each other."""
         newest = self._newest.get(destination)
         if newest is not None:
-            ahead = (frame.sequence - newest[0]) & 0xFFFF
-            if ahead >= 1 << 15 or (ahead == 0 and frame.part <= newest[1]):
+            ahead = (frame.sequence - newest[0]) & SEQUENCE_MASK
+            if ahead >= 1 << (SEQUENCE_BITS - 1) or (ahead == 0 and frame.part <= newest[1]):
                 return True
         self._newest[destination] = (frame.sequence, frame.part)
         return False
@@ -193,7 +198,7 @@ class EvalEther:
             for robot in wanted:
                 if robot not in there:
                     self._lost(self._kernel.now, link.robot, robot, payload)
-        if payload[0] == PayloadKind.FACT_ACK:
+        if payload[0] in NUMBERS_ALONE:
             return
         messages = self.messages
         messages.sent += count
@@ -221,13 +226,13 @@ class EvalEther:
             self._links[robot].take(now, frame, hops)
         if len(taken) < len(receivers):
             self._miss(frame, [robot for robot in receivers if robot not in taken])
-        if frame.payload[0] != PayloadKind.FACT_ACK:
+        if frame.payload[0] not in NUMBERS_ALONE:
             self.messages.delivered += len(taken)
 
     def _miss(self, frame: Received, dead: list[int]) -> None:
         """Count a frame as lost for robots that have died while it was under way."""
         self.taken([frame] * len(dead))
-        if frame.payload[0] != PayloadKind.FACT_ACK:
+        if frame.payload[0] not in NUMBERS_ALONE:
             self.messages.lost += len(dead)
         if self._lost is not None:
             for robot in dead:
@@ -239,7 +244,7 @@ class EvalEther:
 
 
 def _awaited(payload: bytes) -> bool:
-    return payload[0] > COORDINATION_LAST and payload[0] != PayloadKind.FACT_ACK
+    return payload[0] > COORDINATION_LAST and payload[0] not in NUMBERS_ALONE
 
 
 def frame_text(payload: bytes) -> str:

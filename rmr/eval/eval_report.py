@@ -177,8 +177,10 @@ def _died(part: dict[str, Any]) -> dict[str, Any]:
 
 def _life(hosted: HostedNode) -> dict[str, Any]:
     node = hosted.node
+    aside = node.machine.set_aside()
     return {
         "facts": node.machine.facts(),
+        **({"set_aside": aside} if aside else {}),
         "goals": node.machine.goals(),
         "actions": [[at, text] for at, text in node.services.action_log],
         "assertions": [job_entry(job) for job in node.machine.jobs],
@@ -192,6 +194,8 @@ def outstanding(hosted: HostedNode) -> Iterator[str]:
     node = hosted.node
     if not node.machine.quiescent:
         yield satisfied(hosted.firings, hosted.last_rule)
+    for fact in node.machine.set_aside():
+        yield f"{fact} is set aside until another robot has decided"
     for running in node.actions.running:
         yield f"action {running.text(hosted.robot)} is under way"
     for running in (*node.actions.held, *node.actions.queue):

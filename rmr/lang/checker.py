@@ -10,14 +10,18 @@ from dataclasses import replace
 from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.limits import STACK_MAX
-from rmr.bytecode.program import Kind
+from rmr.bytecode.program import Kind, Strategy
 from rmr.lang.analyse.bare_conditions import with_conditions
 from rmr.lang.analyse.inference import Inference
 from rmr.lang.analyse.lint import warn
 from rmr.lang.analyse.named_constants import resolve
 from rmr.lang.analyse.names import NOTHING_GIVEN, Given, Names, collect, meant
-from rmr.lang.analyse.types import TIMED, Types
+from rmr.lang.analyse.types import DRAWN, TIMED, Types
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.lower.ensemble_rules import rewritten
+from rmr.lang.lower.ensemble_writer import EnsembleRules, EnsembleWriter
+from rmr.lang.lower.joint_plan import owners_of, with_named_owners
+from rmr.lang.lower.joint_rules import JointPlanner
 from rmr.lang.lower.ordering import variables
 from rmr.lang.lower.projection import Projector
 from rmr.lang.lower.robot_rules import Projected
@@ -28,11 +32,14 @@ from rmr.lang.read.syntax import (
     AssertionItem,
     Binary,
     Call,
+    ChoiceNode,
     ComprehensionNode,
     Condition,
     Expression,
     FactItem,
     FactNode,
+    FoldNode,
+    FunctionItem,
     GoalItem,
     Item,
     ListTerm,
@@ -44,6 +51,7 @@ from rmr.lang.read.syntax import (
     TypeDeclaration,
     Variable,
     children,
+    flat,
     walk,
 )
 
@@ -53,7 +61,7 @@ PARTS_MAX = 250
 STACK_USED_MAX = STACK_MAX - 8
 """Stack depth of an expression of the source; the margin holds what the compiler adds, such as a comparison."""
 
-STRATEGIES = ("random", "textual")
+STRATEGIES = tuple([each.name.lower() for each in Strategy])
 
 
 @record
@@ -65,7 +73,9 @@ class Checked:
     types: Types
     rules: tuple[Projected, ...]
     assertions: tuple[Watched, ...]
-    textual: bool
+    strategy: Strategy
+    ensemble: EnsembleRules
+    """What rules over several robots have become; it is among `rules` and `names`."""
 
 
 def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
@@ -77,7 +87,13 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) 
     symbols = {
         node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
     }
+    # Ensemble rules add predicates of their own: what the source says is kept apart, for the warnings.
+    written = names, types
+    names = replace(names, signatures=dict(names.signatures))
+    types = replace(types, positions=dict(types.positions))
     projector = Projector(names, types, frozenset(symbols), found)
+    planner = JointPlanner(names, found)
+    ensemble = EnsembleWriter(names, types)
     rules: list[Projected] = []
     assertions: list[Watched] = []
     for item in module.items:
@@ -90,9 +106,12 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) 
                 _effects(item, names, found)
             case RuleItem():
                 _untimed(item, found)
-                projected = projector.rule(item)
-                if projected is not None:
-                    rules.append(projected)
+                for each in _of_one_robot(item, projector, planner, ensemble, found):
+                    projected = projector.rule(each)
+                    if projected is not None:
+                        rules.append(projected)
+            case FunctionItem():
+                _function(item, found)
             case AssertionItem():
                 _no_now(item.deadline, found)
                 _not_negative(item.deadline, found)
@@ -102,9 +121,26 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) 
             case _:
                 pass
     check_names(module, found)
-    checked = Checked(module, names, types, tuple(rules), tuple(assertions), _textual(module, found))
-    warn(module, names, types, found)
+    if ensemble.result.plans and not found.failed:
+        common = [projector.rule(each) for each in ensemble.common(ensemble.result.plans[0].rule.span)]
+        rules += [each for each in common if each is not None]
+    result = ensemble.result
+    checked = Checked(module, names, types, tuple(rules), tuple(assertions), _strategy(module, found), result)
+    warn(module, *written, found)
     return checked
+
+
+def _of_one_robot(
+    item: RuleItem, projector: Projector, planner: JointPlanner, ensemble: EnsembleWriter, found: Diagnostics
+) -> list[RuleItem]:
+    """Return the rules of one robot each that a rule becomes: itself, unless it names facts of several robots."""
+    if not projector.is_joint(item):
+        return [item]
+    item = with_named_owners(item)
+    plan = planner.plan(item)
+    owners = owners_of(item) if plan is None else [plan.home, *[part.owner for part in plan.remotes]]
+    is_bound = projector.is_bound(item, owners)
+    return rewritten(plan, ensemble, found) if plan is not None and is_bound else []
 
 
 def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[ModuleNode, Names, Types]:
@@ -146,7 +182,11 @@ def _parts(node: object) -> tuple[int, Span | None]:
             return max(len(body), len(head)), span
         case ComprehensionNode(body=body, head=derived, span=span):
             return max(len(body), len(derived)), span
-        case AggregateNode(body=parts, span=span) | StepsNode(derived=parts, span=span):
+        case AggregateNode(body=body, head=derived, span=span):
+            return max(len(body), len(derived)), span
+        case ChoiceNode(then=then, otherwise=otherwise, span=span):
+            return max(len(then), len(otherwise)), span
+        case FoldNode(body=parts, span=span) | StepsNode(derived=parts, span=span):
             return len(parts), span
         case FactNode(arguments=parts, span=span) | Call(arguments=parts, span=span) | ListTerm(items=parts, span=span):
             return len(parts), span
@@ -238,12 +278,32 @@ def _no_anonymous(fact: FactNode, found: Diagnostics) -> None:
             found.report("E030", "`_` has no value", each.span, hint="name what is derived")
 
 
+# ---- functions
+
+
+def _function(item: FunctionItem, found: Diagnostics) -> None:
+    """Report what the definition of a function uses beside its parameters."""
+    named: dict[str, Span] = {}
+    for parameter in item.parameters:
+        variable = parameter.variable
+        if variable.name in named and not variable.anonymous:
+            notes = (DiagnosticNote(named[variable.name], "here"),)
+            found.report("E031", f"`{variable.name}` names two parameters", variable.span, notes=notes)
+        named.setdefault(variable.name, variable.span)
+    for each in walk(item.body):
+        if isinstance(each, Variable) and (each.anonymous or each.name not in named):
+            hint = "a function knows its parameters only"
+            message = "`_` has no value" if each.anonymous else f"`{each.name}` is no parameter"
+            found.report("E030", message, each.span, hint=hint)
+    _no_now(item.body, found)
+
+
 # ---- rules
 
 
 def _untimed(rule: RuleItem, found: Diagnostics) -> None:
     """Report `now()` in bodies: no fact changes when time passes, so no rule would be matched again."""
-    inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
+    inner = [part.body for part in flat(rule.head) if isinstance(part, ComprehensionNode | AggregateNode)]
     for body in (rule.body, *inner):
         for conjunct in body:
             _no_now(conjunct.expression if isinstance(conjunct, Condition) else conjunct, found)
@@ -251,8 +311,10 @@ def _untimed(rule: RuleItem, found: Diagnostics) -> None:
 
 def _no_now(node: object, found: Diagnostics) -> None:
     for each in walk(node):
-        if isinstance(each, Call) and each.name.text in TIMED:
+        if isinstance(each, Call) and each.name.text in TIMED | DRAWN:
             hint = "time alone satisfies no rule; a time assertion watches a deadline"
+            if each.name.text in DRAWN:
+                hint = "a match is looked for again and again: let the head derive what is drawn"
             found.report("E034", f"`{each.name.text}()` stands in heads only", each.span, hint=hint)
 
 
@@ -266,14 +328,15 @@ def _not_negative(deadline: Expression, found: Diagnostics) -> None:
 # ---- strategy
 
 
-def _textual(module: ModuleNode, found: Diagnostics) -> bool:
+def _strategy(module: ModuleNode, found: Diagnostics) -> Strategy:
     stated = [item for item in module.items if isinstance(item, StrategyItem)]
     for item in stated:
         name = item.name.text
         if name not in STRATEGIES:
-            hint = meant(name, list(STRATEGIES)) or "known are `random` and `textual`"
+            hint = meant(name, list(STRATEGIES)) or "known are `random`, `textual` and `deadline`"
             found.report("E015", f"there is no order `{name}`", item.name.span, hint=hint)
     for item in stated[1:]:
         notes = (DiagnosticNote(stated[0].span, "first stated here"),)
         found.report("E010", "the order is stated twice", item.span, notes=notes)
-    return bool(stated) and stated[0].name.text == "textual"
+    named = stated[0].name.text if stated else ""
+    return Strategy[named.upper()] if named in STRATEGIES else Strategy.RANDOM

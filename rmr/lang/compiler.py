@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rmr.base.record import record
 from rmr.bytecode.limits import exceeded
-from rmr.bytecode.program import Debug, Place, Program, Strategy
+from rmr.bytecode.program import Debug, Place, Program
 from rmr.lang.analyse.names import NOTHING_GIVEN, Given
 from rmr.lang.analyse.supply import is_brought, only_stated
 from rmr.lang.checker import Checked, check
@@ -91,6 +91,7 @@ def compile_text(source: SourceText, given: Given = NOTHING_GIVEN) -> Compilatio
 def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:
     """Report the exceeded resource limits at the places of their items."""
     places = {
+        "functions": [each.span for each in checked.names.functions.values()],
         "predicates": [each.place for each in checked.names.signatures.values()],
         "rules": [each.rule.span for each in checked.rules],
         "assertions": [each.item.span for each in checked.assertions],
@@ -126,18 +127,20 @@ def emit(checked: Checked, sources: Mapping[str, SourceText]) -> Program:
     emitter = Emitter(checked.names, checked.types)
     items = checked.module.items
     program = Program(
+        functions=emitter.functions(),
         predicates=emitter.predicates(),
-        facts=tuple(emitter.fact(item) for item in items if isinstance(item, FactItem)),
+        facts=tuple(emitter.fact(item) for item in (*items, *checked.ensemble.facts) if isinstance(item, FactItem)),
         goals=tuple(emitter.goal(item) for item in items if isinstance(item, GoalItem)),
         rules=tuple(emitter.rule(projected) for projected in checked.rules),
         assertions=tuple(emitter.assertion(each.item, each.environment, each.finish) for each in checked.assertions),
-        strategy=Strategy.TEXTUAL if checked.textual else Strategy.RANDOM,
-        debug=_debug(checked, sources),
+        strategy=checked.strategy,
+        debug=_debug(checked, emitter, sources),
+        ensemble=emitter.hidden(checked.ensemble.made),
     )
     return with_leads(with_serving(program))
 
 
-def _debug(checked: Checked, sources: Mapping[str, SourceText]) -> Debug:
+def _debug(checked: Checked, emitter: Emitter, sources: Mapping[str, SourceText]) -> Debug:
     def place(span: Span) -> Place:
         name = span.file.encode(errors="replace").decode()  # of a file's name any octets but 0 may be part
         return Place(name, *sources[span.file].position(span.start))
@@ -145,5 +148,5 @@ def _debug(checked: Checked, sources: Mapping[str, SourceText]) -> Debug:
     return Debug(
         rules=tuple(place(projected.rule.span) for projected in checked.rules),
         assertions=tuple(place(each.item.span) for each in checked.assertions),
-        predicates=tuple(place(signature.place) for signature in checked.names.signatures.values()),
+        predicates=tuple(place(span) for span in emitter.places),
     )

@@ -33,3 +33,14 @@ def better(operator: Operator, value: Value, best: Value | None) -> bool:
         less(value, value)  # raises for a single value without an order, as it would with two
         return True
     return less(value, best) if operator is Operator.MIN else less(best, value)
+
+
+def reduced(operator: Operator, values: list[Value]) -> Value | None:
+    """Return the value of a fold; None if it has none, as MIN and MAX of no value. Raises NoValue."""
+    if operator not in (Operator.MIN, Operator.MAX):
+        return FOLDS[operator](values)
+    best: Value | None = None
+    for value in values:
+        if better(operator, value, best):
+            best = value
+    return best

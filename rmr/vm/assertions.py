@@ -14,7 +14,7 @@ If F belongs to another robot, that robot is asked to report it (`rmr.vm.watches
 instant at which F was inserted there. A report after the deadline does not undo the miss.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from heapq import heapify, heappop, heappush
 
 from rmr.base.time import NEVER, NS_PER_S, Instant
@@ -136,6 +136,49 @@ class Assertions:
         """Return the scheduled jobs that wait for their finish fact and that this action serves, first due first."""
         served = [job for job in self._live.values() if self._serves(job, action, args)]
         return sorted(served, key=lambda job: (job.deadline, job.serial))
+
+    def undecided(self) -> list[TimedJob]:
+        """Return the jobs that are neither finished nor missed, in the order of their first start."""
+        return [job for job in self._live.values() if job.serial in self._undecided]
+
+    @property
+    def live(self) -> list[TimedJob]:
+        """The jobs that wait for their finish fact, missed ones included, in the order of their first start."""
+        return list(self._live.values())
+
+    def follow(self, old: "Assertions") -> None:
+        """Number the jobs from the last one of `old` on."""
+        self._serial = old._serial
+
+    def take_over(self, old: "Assertions", numbers: Sequence[int | None]) -> list[TimedJob]:
+        """Take over the jobs of another program, whose assertions have the new `numbers`; return those that ended.
+
+        A live job keeps its start and deadline. An undecided one whose assertion has no new number ends: it is
+        neither met nor missed. Jobs that are decided stay in the report. Jobs of this program that have started before
+        have serials behind those of the old ones (`follow`).
+        """
+        self.jobs[:0] = old.jobs
+        ended = []
+        mine = self._live
+        self._live = {}
+        for (index, finisher, key), job in old._live.items():
+            target = numbers[index]
+            if target is not None:
+                self._live[target, finisher, key] = job
+            elif job.serial in old._undecided:
+                job.ended = True
+                ended.append(job)
+        self._live |= mine
+        kept = {id(job) for job in self._live.values()}
+        for job in old.jobs:
+            known = numbers[job.assertion] if job.assertion >= 0 else None
+            job.assertion = -1 if known is None else known
+            if id(job) in kept and job.serial in old._undecided:
+                self._pushed += 1
+                self._undecided[job.serial] = self._pushed
+                heappush(self._queue, (job.deadline, job.serial, self._pushed, job))
+        self._settle()
+        return ended
 
     def _serves(self, job: TimedJob, action: int, args: Args) -> bool:
         assertion = self._program.assertions[job.assertion]

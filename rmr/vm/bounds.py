@@ -1,7 +1,7 @@
 """Counters of dropped data: each collection of a robot has a named bound; the excess is dropped and counted.
 
-So a program that makes ever more facts, goals or chains degrades its own behaviour, but never exhausts the robot's
-memory or time. Each bound is defined beside the collection that it limits.
+A program that derives ever more facts, goals or chains therefore degrades its own behaviour, but never exhausts the
+robot's memory or time. Each bound is defined beside the collection that it limits.
 """
 
 from typing import TypeVar

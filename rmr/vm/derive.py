@@ -11,30 +11,38 @@ match, elsewhere the whole firing.
 
 from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
+from rmr.bytecode.arithmetic import truth
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.heads import codes
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF_SLOT,
     Aggregate,
     Atom,
     Bind,
+    Code,
     Comprehension,
     Conjunct,
     DeriveAction,
     DeriveFact,
     DeriveGoal,
     Effect,
+    Fold,
+    HeadValue,
     Mode,
     Operator,
     Predicate,
     Rule,
     Slot,
     Steps,
+    When,
 )
 from rmr.bytecode.program import Derived as Item
-from rmr.bytecode.scope import Scope
+from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.match import Env, Found, Plan, Search, consumed_places, plan
@@ -57,7 +65,7 @@ T = TypeVar("T")
 
 
 class DerivedKind(IntEnum):
-    """What a derived item is."""
+    """The kind of a derived item."""
 
     FACT = 0
     GOAL = 1
@@ -116,6 +124,16 @@ class Inner(NamedTuple):
     """Items that each match of a comprehension, or the whole aggregate, derives."""
 
 
+class PlannedWhen(NamedTuple):
+    """A conditional item with what it derives planned."""
+
+    slot: int
+    item: Planned | Inner
+
+
+PlannedHead = Planned | Inner | PlannedWhen | HeadValue
+
+
 class InnerMatch(NamedTuple):
     """A match of a comprehension or aggregate."""
 
@@ -127,21 +145,28 @@ class InnerMatch(NamedTuple):
 class PlannedRule:
     """A rule with its bodies planned: immutable, shared by all robots of a program."""
 
-    __slots__ = ("head", "slots", "steps", "taken")
+    __slots__ = ("drawn", "head", "slots", "steps", "taken")
 
     def __init__(self, rule: Rule, predicates: tuple[Predicate, ...]) -> None:
-        self.slots = rule.slots
+        self.drawn = any(map(draws_in, codes(rule.head)))
+        """Whether the head calls random(): then the last of its slots holds the `Draws` of the firing."""
+        self.slots = rule.slots + self.drawn
         self.steps = plan(rule.body, predicates)
         self.taken = consumed_places(self.steps)
         bound = bound_slots(rule.body)
         scope = Scope()
         scope.grow(rule.body, predicates)
-        self.head = tuple(
-            _inner(head, plan(head.body, predicates, bound), predicates, scope)
-            if isinstance(head, Comprehension | Aggregate)
-            else _planned(head.steps if isinstance(head, Steps) else (head,), predicates, scope)
-            for head in rule.head
-        )
+        planned: list[PlannedHead] = []
+        for head in rule.head:
+            if isinstance(head, HeadValue):
+                bound.append(head.slot)
+                scope.bind(head.slot, UNKNOWN)
+                planned.append(head)
+            elif isinstance(head, When):
+                planned.append(PlannedWhen(head.slot, _part(head.item, predicates, bound, scope)))
+            else:
+                planned.append(_part(head, predicates, bound, scope))
+        self.head = tuple(planned)
 
     def derive(
         self,
@@ -156,6 +181,9 @@ class PlannedRule:
 
         The matches of comprehensions and aggregates are appended to `matches`.
         """
+        if self.drawn:
+            draws: Any = env[-1]
+            draws.restart()
         firing = _Firing(store, env, found, now, on_failure, self.taken, matches)
         for part, item in enumerate(self.head):
             try:
@@ -189,9 +217,14 @@ class _Firing:
         self._matches = 0
         """Matches of comprehensions and aggregates so far, weighted by the items that each derives (`MATCHES_MAX`)."""
 
-    def add(self, part: int, item: Planned | Inner) -> None:
+    def add(self, part: int, item: "PlannedHead") -> None:
         """Add the effect of the head's item at place `part`. Raises NoValue."""
-        if not isinstance(item, Inner):
+        if isinstance(item, HeadValue):
+            self._env[item.slot] = evaluate(item.code, self._env, self._now)
+        elif isinstance(item, PlannedWhen):
+            if truth(self._env[item.slot]):
+                self.add(part, item.item)
+        elif not isinstance(item, Inner):
             self.result.derived.append(tuple([self._value(step, self._env) for step in item]))
         elif isinstance(item.head, Comprehension):
             for _, derived in self._each(part, item, lambda env: [(self._value(each, env),) for each in item.items]):
@@ -234,7 +267,8 @@ class _Firing:
             self._on_failure(part, step, (*self._found, *found), reason)
 
         for found in Search(inner.steps, self._store, env, self._now, failed, gone, taken).matches():
-            self._matches += len(inner.items) or 1  # a match that derives nothing still costs time and memory
+            # A match that derives nothing still costs time and memory.
+            self._matches += len(inner.items) or 1 if isinstance(inner.head, Comprehension) else 1
             if self._matches > MATCHES_MAX:
                 raise NoValue(f"more than {MATCHES_MAX} matches in one firing")
             try:
@@ -267,12 +301,28 @@ def _planned(items: Sequence[Item], predicates: Sequence[Predicate], scope: Scop
     return tuple(PlannedItem(item, type_checks(item, predicates, scope)) for item in items)
 
 
+def _part(
+    head: Comprehension | Aggregate | Steps | Item,
+    predicates: tuple[Predicate, ...],
+    bound: Sequence[int],
+    scope: Scope,
+) -> Planned | Inner:
+    """Return the plan of an item of a head behind which the slots `bound` are bound."""
+    if isinstance(head, Comprehension | Aggregate):
+        return _inner(head, plan(head.body, predicates, bound), predicates, scope)
+    return _planned(head.steps if isinstance(head, Steps) else (head,), predicates, scope)
+
+
+def draws_in(code: Code) -> bool:
+    """Return whether an expression calls a function of chance."""
+    return any(i.op is Op.CALL and isinstance(i.operand, int) and FUNCTIONS[i.operand].drawn for i in code)
+
+
 def _inner(head: Comprehension | Aggregate, steps: Plan, predicates: Sequence[Predicate], outer: Scope) -> Inner:
     """Return the plan of a comprehension or aggregate in a rule whose own body has bound `outer`."""
     scope = Scope(outer)
     scope.grow(head.body, predicates)
-    items = head.head if isinstance(head, Comprehension) else (head.head,)
-    return Inner(head, steps, consumed_places(steps), _planned(items, predicates, scope))
+    return Inner(head, steps, consumed_places(steps), _planned(head.head, predicates, scope))
 
 
 def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:
@@ -284,4 +334,6 @@ def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:
                 bound.extend(pattern.index for pattern in item.args if isinstance(pattern, Slot))
         elif isinstance(item, Bind):
             bound.append(item.slot)
+        elif isinstance(item, Fold):
+            bound.append(item.result)
     return bound

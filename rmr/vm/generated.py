@@ -1,8 +1,8 @@
 """The engine that robots run: Python code generated from the program (`rmr.vm.generate`), and a state for each machine.
 
 It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. This
-module is the observed mode, in which each change is reported: while goals are open, because a rank may depend on the
-items that a match derives, and while changes are traced.
+module is the observed mode, in which each change is reported: while goals are open or jobs press, because rank and
+urgency may depend on the items that a match derives, and while changes are traced.
 """
 
 from collections.abc import Iterator
@@ -16,12 +16,15 @@ from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.interpreter import UNRANKED
 from rmr.vm.machine_events import RuleFired
+from rmr.vm.ranks import PENDING
 from rmr.vm.rotor import ROTOR_MATCHES_MAX
 from rmr.vm.running import Running
+from rmr.vm.subgoals import purpose_of
 from rmr.vm.unfired import Entry, Valued
+from rmr.vm.urgency import UNURGENT, Urgency
 
-Ranked = tuple[int, Entry, Valued]
-"""A match with its rank."""
+Ranked = tuple[int, int, Entry, Valued]
+"""A match with its rank and urgency."""
 
 
 class Generated(Running):
@@ -42,16 +45,72 @@ class Generated(Running):
         self.ranks = None
         if bool(self._any_goals and self._any_goals.open) != self.wanting:
             self.wanting = not self.wanting
-            self.observed = self._trace or self.wanting
-            self.stale |= self.module.all_rules
+            self._observe()
+
+    def _jobs_changed(self, urgency: Urgency) -> None:
+        super()._jobs_changed(urgency)
+        self.searched.clear()
+        if urgency.has_jobs != self.pressing:
+            self.pressing = urgency.has_jobs
+            # Between two firings only: code of one that is under way reports its facts in the mode in which it began.
+            self.unsettled = True
+
+    def settle_jobs(self) -> None:
+        """Begin or end the observed mode, between two firings: jobs have begun or ceased to press."""
+        self.unsettled = False
+        self._observe()
+
+    def _observe(self) -> None:
+        """Begin or end to report each change, as goals and jobs are there or not."""
+        self.observed = self._trace or self.wanting or self.pressing
+        self.stale |= self.module.all_rules
 
     def fire_observed(self, now: Instant) -> bool:
-        """Fire the rule nearest to an open goal, while each change is reported; return False if none is satisfied."""
+        """Fire the rule nearest to an open goal, while each change is reported; return False if none is satisfied.
+
+        False also if the machine waits for ranks; then it stays busy.
+        """
+        if self.wanting and self._goals.settle():
+            self.searched.clear()
+        lowest, best = self._nearest(now)
+        if not best:
+            self.busy = False
+            return False
+        if lowest == PENDING:
+            if not self._goals.wait():
+                self.searched.clear()
+                return self.fire_observed(now)
+            return False
+        textual = self.program.strategy is Strategy.TEXTUAL or len(best) == 1
+        plan, ranked = best[0 if textual else self._choices.below(len(best))]
+        if ranked is None:
+            single = plan.way is Way.SINGLE
+            entry = (getattr(self, plan.slots.match),) if single else getattr(self, plan.slots.kept)[-1]
+            valued = self._derive(plan, entry, now)
+        else:
+            _, _, entry, valued = ranked
+        if lowest < UNRANKED and not plan.once:
+            self._goals.fire(now, plan.index, plan.args_of(entry))
+        self.firings += 1
+        self._events.append(RuleFired(plan.index, now))
+        if plan.index in self._shared.serving:
+            self._purpose = purpose_of(self._shared.serving[plan.index], plan.args_of(entry))
+        self._take(plan, entry)
+        if plan.drawn:
+            self.drew(plan.index)
+        assert valued is not None
+        self.apply(now, valued)
+        self._purpose = ()
+        return True
+
+    def _nearest(self, now: Instant) -> tuple[int, list[tuple[RulePlan, Ranked | None]]]:
+        """Return the lowest rank of a satisfied rule, and the most urgent rules that have it, in program order."""
         stale = self.stale
         self.stale = 0
         touched = self.touched
         self.touched = 0
         lowest = UNRANKED
+        most = UNURGENT
         best = list[tuple[RulePlan, Ranked | None]]()
         left = self.ready | stale  # rules by ascending bit: program order, in which failures are reported
         find = self.module.names["FIND"]
@@ -65,71 +124,64 @@ class Generated(Running):
                 self.searched.pop(plan.index, None)
                 continue
             rank, ranked = self._rank(plan, now, bool(touched & bit))
-            if rank < lowest:
+            urgency = UNURGENT if ranked is None else ranked[1]
+            if rank < lowest or (rank == lowest and urgency < most):
                 lowest = rank
+                most = urgency
                 best.clear()
-            if rank == lowest:
+            if rank == lowest and urgency == most:
                 best.append((plan, ranked))
-        if not best:
-            self.busy = False
-            return False
-        textual = self.program.strategy is Strategy.TEXTUAL or len(best) == 1
-        plan, ranked = best[0 if textual else self._choices.below(len(best))]
-        if ranked is None:
-            single = plan.way is Way.SINGLE
-            entry = (getattr(self, plan.slots.match),) if single else getattr(self, plan.slots.kept)[-1]
-            valued = self._derive(plan, entry, now)
-        else:
-            _, entry, valued = ranked
-        if lowest < UNRANKED and not plan.once:
-            self._goals.fire(now, plan.index, plan.args_of(entry))
-        self.firings += 1
-        self._events.append(RuleFired(plan.index, now))
-        self._take(plan, entry)
-        assert valued is not None
-        self.apply(now, valued)
-        return True
+        return lowest, best
 
     def _rank(self, plan: RulePlan, now: Instant, touched: bool) -> tuple[int, Ranked | None]:
         """Return the rank of a satisfied rule, and its match unless that is the one that it keeps (the oldest)."""
-        if not self.wanting:
+        first = UNURGENT
+        if self.pressing:
+            assert self._urgency is not None
+            first = self._urgency.first(plan.index)
+        if not self.wanting and first == UNURGENT:
             return UNRANKED, None
         if self.ranks is None:
             goals = self._goals
             found = [(goals.nearest(each.index), goals.is_settled(each.index)) for each in self.module.plans]
             self.ranks = [(UNRANKED if rank is None else rank, rank is None or settled) for rank, settled in found]
         nearest, settled = self.ranks[plan.index]
-        if settled and (nearest == UNRANKED or plan.once or not self._goals.rotor.turns(plan.index)):
+        is_alike = settled and (nearest == UNRANKED or plan.once or not self._goals.rotor.turns(plan.index))
+        if is_alike and first == UNURGENT:
             return nearest, None
         if touched or plan.index not in self.searched:
-            self.searched[plan.index] = self._search(plan, now, nearest)
+            self.searched[plan.index] = self._search(plan, now, nearest, first)
         ranked = self.searched[plan.index]
         return (UNRANKED + 1, None) if ranked is None else (ranked[0], ranked)
 
-    def _search(self, plan: RulePlan, now: Instant, nearest: int) -> Ranked | None:
-        """Return the match of the best rank; ties are broken by the least recent firing, then by age."""
+    def _search(self, plan: RulePlan, now: Instant, nearest: int, first: int) -> Ranked | None:
+        """Return the match of the best rank; ties are broken by urgency, the least recent firing, and age.
+
+        `nearest` and `first` are lower bounds on rank and urgency.
+        """
         self.module.slow(plan.index)
         rotor = self._goals.rotor
-        turns = not plan.once and rotor.turns(plan.index)
+        turns = nearest != UNRANKED and not plan.once and rotor.turns(plan.index)
         best: Ranked | None = None
         best_last = compared = 0
         for entry in self._candidates(plan, now):
             valued = self._derive(plan, entry, now)
             if valued is None:
                 continue
-            rank = self._goals.rank(plan.index, valued[1], now)
-            rank = UNRANKED if rank is None else rank
+            ranked = self._goals.rank(plan.index, valued[1], now) if nearest != UNRANKED else None
+            rank = UNRANKED if ranked is None else ranked
+            urgency = UNURGENT if first == UNURGENT or self._urgency is None else self._urgency.of(valued[1], now)
             last = rotor.last(plan.index, plan.args_of(entry)) if turns and rank != UNRANKED else 0
-            if best is None or rank < best[0]:
-                best = (rank, entry, valued)
+            if best is None or (rank, urgency) < best[:2]:
+                best = (rank, urgency, entry, valued)
                 best_last = last
                 compared = 1
-            elif rank == best[0] and compared < ROTOR_MATCHES_MAX:
+            elif (rank, urgency) == best[:2] and compared < ROTOR_MATCHES_MAX:
                 compared += 1
                 if last < best_last:
-                    best = (rank, entry, valued)
+                    best = (rank, urgency, entry, valued)
                     best_last = last
-            if best[0] <= nearest and (not best_last or compared >= ROTOR_MATCHES_MAX):
+            if best[0] <= nearest and best[1] <= first and (not best_last or compared >= ROTOR_MATCHES_MAX):
                 break
         return best
 

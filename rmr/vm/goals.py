@@ -9,7 +9,7 @@ follows has no rank. Among a rule's matches of one rank a rotor takes turns (`rm
 derives counts as those of its declared effects that are facts of this robot.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from rmr.analysis.backward_chaining import Patterns
 from rmr.base.time import Instant, in_seconds
@@ -19,9 +19,10 @@ from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.derive import Chain, Derived, DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.goal_ways import EDGES_MAX
 from rmr.vm.machine_events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
-from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
+from rmr.vm.ranks import RANKING_RUNS_MAX, GoalKey, Ranks, goal_key, here, reading
 from rmr.vm.rotor import Rotor
 from rmr.vm.store import Args, Holdings
 
@@ -45,8 +46,10 @@ class Goals:
         "_count",
         "_dropped",
         "_holdings",
+        "_now",
         "_program",
         "_ranks",
+        "_reading",
         "_robot",
         "open",
         "rotor",
@@ -62,7 +65,9 @@ class Goals:
         self.open: dict[int, dict[GoalKey, Patterns]] = {}
         """Open goals by predicate; a predicate without open goals is missing."""
         self._count = 0
-        self._ranks = Ranks(program, robot, self.open)
+        self._ranks = Ranks(program, robot, self.open, holdings, self._graph_full)
+        self._reading = reading(program)
+        self._now: Instant = 0
         self._achieved: list[tuple[str, float]] = []
         self._achievements = 0
         self.rotor = Rotor(program, events, dropped)
@@ -84,6 +89,39 @@ class Goals:
             if pattern_agrees(args, fact):
                 return self.inserted(now, predicate, fact)
         return []
+
+    def is_open(self, predicate: int, args: GoalArgs) -> bool:
+        """Return whether this very goal is open."""
+        return goal_key(predicate, here(args, self._robot)) in self.open.get(predicate, {})
+
+    def withdraw(self, now: Instant, predicate: int, args: GoalArgs) -> list[tuple[object, ...]]:
+        """Close the goals that a fact of constants would fulfil, and return their arguments; all, if one is ANY."""
+        del now
+        values = [arg.value for arg in here(args, self._robot) if isinstance(arg, Constant)]
+        goals = self.open.get(predicate, {})
+        whole = len(values) == len(args)
+        met = [key for key, goal in goals.items() if not whole or pattern_agrees(goal, tuple(values))]
+        gone: list[tuple[object, ...]] = []
+        for key in met:
+            goal = goals.pop(key)
+            self._count -= 1
+            self._ranks.change(key)
+            gone.append(tuple([each.value if isinstance(each, Constant) else ANY for each in goal]))
+        if not goals:
+            self.open.pop(predicate, None)
+        return gone
+
+    def end(self, key: GoalKey) -> tuple[object, ...] | None:
+        """Close this very goal and return its arguments; None if it is not open."""
+        goals = self.open.get(key[0], {})
+        goal = goals.pop(key, None)
+        if goal is None:
+            return None
+        self._count -= 1
+        self._ranks.change(key)
+        if not goals:
+            del self.open[key[0]]
+        return tuple([each.value if isinstance(each, Constant) else ANY for each in goal])
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[GoalAchieved]:
         """Discharge the goals that a fact fulfils."""
@@ -109,37 +147,87 @@ class Goals:
 
     def nearest(self, rule: int) -> int | None:
         """Return the lowest rank that a firing of `rule` can have; None if no open goal follows."""
-        return self._ranks.nearest(rule) if self.open else None
+        if not self.open:
+            return None
+        return 0 if self._may_withdraw(rule) else self._ranks.nearest(rule)
 
     def is_settled(self, rule: int) -> bool:
         """Return whether all firings of `rule` have the rank `nearest`, so that none must be searched for."""
-        return not self.open or self._ranks.is_settled(rule)
+        return not self.open or (not self._may_withdraw(rule) and self._ranks.is_settled(rule))
+
+    def _may_withdraw(self, rule: int) -> bool:
+        """Return whether a firing of `rule` may withdraw a goal that is open."""
+        withdrawn = self._reading.withdrawing.get(rule)
+        return withdrawn is not None and any(predicate in self.open for predicate in withdrawn)
+
+    def begin(self, now: Instant) -> None:
+        """Renew the budget of the search for ranks: a run begins."""
+        self._now = now
+        self._ranks.begin()
+
+    def settle(self) -> bool:
+        """Bring ranks up to date with the facts, within the budget; return whether one may differ from before."""
+        return bool(self.open) and self._ranks.settle()
+
+    def wait(self) -> bool:
+        """Return whether the machine waits for the ranks of its firings; say so when it has waited for too long."""
+        if self._ranks.wait():
+            return True
+        self._dropped.add("ranking", RANKING_RUNS_MAX, self._now)
+        return False
+
+    def fact_changed(self, predicate: int, args: Args, holds: bool) -> None:
+        """Note that a fact has been inserted or removed, while goals are open."""
+        self._ranks.fact_changed(predicate, args, holds)
+
+    def _graph_full(self) -> None:
+        self._dropped.add("ways", EDGES_MAX, self._now)
 
     def leading(self, predicate: int) -> list[int]:
         """Return the rules whose firings may get another rank when the goals of `predicate` change."""
-        return self._ranks.leading(predicate)
+        withdrawing = self._reading.withdrawing
+        if not withdrawing:
+            return self._ranks.leading(predicate)
+        rules = [rule for rule, withdrawn in withdrawing.items() if predicate in withdrawn]
+        return sorted({*self._ranks.leading(predicate), *rules})
 
-    def rank(self, rule: int, derived: Iterable[Chain], now: Instant) -> int | None:
-        """Return the number of firings from this one to an open goal: 0 if it derives one, None if none follows."""
-        return self._ranks.of(rule, (fact for chain in derived for item in chain for fact in self._facts(item, now)))
+    def rank(self, rule: int, derived: Sequence[Chain], now: Instant) -> int | None:
+        """Return the number of firings from this one to an open goal: 0 if it derives one, None if none follows.
+
+        A firing that withdraws an open goal has rank 0 as well: else it would wait for ever behind those for the goal.
+        """
+        if self._may_withdraw(rule) and any(self._withdraws(item) for chain in derived for item in chain):
+            return 0
+        items = (item for chain in derived for item in chain)
+        return self._ranks.of(
+            rule, (each for item in items for each in facts_of(self._program, self._robot, item, now))
+        )
+
+    def _withdraws(self, item: Derived) -> bool:
+        """Return whether an item of a head withdraws a goal that is open."""
+        if item.role is not DerivedKind.GOAL or item.owner != self._robot:
+            return False
+        goals = self.open.get(self._reading.goal_tables.get(item.predicate, -1), {})
+        return any(pattern_agrees(goal, item.args) for goal in goals.values())
 
     def fire(self, now: Instant, rule: int, facts: Sequence[Args]) -> None:
         """Record in the rotor that a rule which consumes and has a rank fires for a match with these facts."""
         self.rotor.fire(now, rule, facts, self._achievements)
 
-    def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
-        """Yield the facts of this robot that an item of a head states, or that the action's effects insert."""
-        if item.role is DerivedKind.FACT and item.owner == self._robot:
-            yield item.predicate, item.args
-        if item.role is not DerivedKind.ACTION:
-            return
-        env: list[Value] = [item.owner, *item.args]
-        for effect in self._program.predicates[item.predicate].effects:
-            try:
-                if evaluate(effect.owner, env, now) == self._robot:
-                    yield effect.predicate, tuple([evaluate(code, env, now) for code in effect.args])
-            except NoValue:
-                continue  # ranking must not report it: the effect reports its failure when the action ends
-
     def _text(self, predicate: int, goal: GoalArgs) -> str:
         return goal_text(self._program.predicates[predicate].name, self._robot, goal)
+
+
+def facts_of(program: Program, robot: Robot, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
+    """Yield the facts of `robot` that an item of a head states, or that the action's effects insert."""
+    if item.role is DerivedKind.FACT and item.owner == robot:
+        yield item.predicate, item.args
+    if item.role is not DerivedKind.ACTION:
+        return
+    env: list[Value] = [item.owner, *item.args]
+    for effect in program.predicates[item.predicate].effects:
+        try:
+            if evaluate(effect.owner, env, now) == robot:
+                yield effect.predicate, tuple([evaluate(code, env, now) for code in effect.args])
+        except NoValue:
+            continue  # ranking must not report it: the effect reports its failure when the action ends

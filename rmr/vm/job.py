@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rmr.base.time import Instant
+from rmr.base.time import Duration, Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT
 
@@ -14,7 +14,7 @@ class TimedJob:
     serial: int
     """From 1, in the order of the starts."""
     assertion: int
-    """Index into the program's assertions."""
+    """Index into the program's assertions; -1: the present program has none for it."""
     name: str
     """The assertion's name, else the predicate of its finish fact."""
     event: str
@@ -32,6 +32,12 @@ class TimedJob:
     """When the finish fact was inserted; None if it has not been. A missed job may have one."""
     missed: bool = False
     """Whether the deadline passed before the finish fact, or a report of it, came."""
+    queued: Duration = 0
+    """Time for which deliveries of its robot that serve it have waited for others to leave; the host keeps it."""
+    ended: bool = False
+    """Whether a new program without its assertion has ended it: it is neither met nor missed."""
+    stuck: bool = False
+    """Whether such a delivery still waited when the deadline passed."""
 
     @property
     def remote(self) -> bool:
@@ -40,8 +46,15 @@ class TimedJob:
 
     @property
     def cause(self) -> str | None:
-        """Why it was missed: ``network`` if the finish fact was in time and only its report late, else ``local``."""
+        """Why it was missed: ``network``, ``queue`` or ``local``; None if it was not.
+
+        ``network``: the finish fact was in time and only its report late. ``queue``: a delivery that serves the job
+        waited behind others when the deadline passed, or such deliveries had waited for longer than the finish fact was
+        late.
+        """
         if not self.missed:
             return None
-        in_time = self.remote and self.finish is not None and self.finish <= self.deadline
-        return "network" if in_time else "local"
+        late = None if self.finish is None else self.finish - self.deadline
+        if self.remote and late is not None and late <= 0:
+            return "network"
+        return "queue" if self.stuck or (late is not None and late < self.queued) else "local"

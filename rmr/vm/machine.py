@@ -18,16 +18,28 @@ from collections.abc import Iterable
 from rmr.base.streams import Choices
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
-from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
+from rmr.bytecode.octets import identity
+from rmr.bytecode.program import ANY, Constant, Duty, Effect, Kind, Operator, Pattern, Program, Strategy
+from rmr.vm.aggregate import better
 from rmr.vm.derive import Chain, Derived, DerivedKind, evaluated
 from rmr.vm.evaluate import NoValue
 from rmr.vm.goals import GoalArgs
 from rmr.vm.job import TimedJob
-from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
+from rmr.vm.machine_events import (
+    ActionDerived,
+    FactSent,
+    GoalSent,
+    GoalWithdrawn,
+    JobMissed,
+    VmEvent,
+)
 from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
+from rmr.vm.ranks import goal_key, here
 from rmr.vm.store import Args
+from rmr.vm.subgoals import Purpose
 from rmr.vm.type_checks import TypeChecks
+from rmr.vm.urgency import Urgency
 
 FACTS_MAX = 100_000
 """Facts of one robot, of all kinds; beyond that a fact is dropped. A full store of short facts takes some 50 MB."""
@@ -45,7 +57,7 @@ _ACTION = DerivedKind.ACTION  # looking up a member of an enumeration takes long
 class Machine(Parts):
     """Runs one program for one robot."""
 
-    __slots__ = ("_budget", "_choices", "_now", "_trace", "firings")
+    __slots__ = ("_bests", "_budget", "_choices", "_now", "_purpose", "_seed", "_trace", "_urgency", "firings")
 
     def __init__(
         self,
@@ -62,6 +74,15 @@ class Machine(Parts):
         self._trace = trace
         self._now: Instant = 0
         self._choices = choices
+        self._bests: dict[tuple[object, ...], Args] = {}
+        """The best fact of those that differ in one argument only, by predicate and the other arguments."""
+        self._purpose: Purpose = ()
+        """The open goals that the present firing serves; what it derives serves them, too."""
+        by_deadline = program.strategy is Strategy.DEADLINE and bool(program.assertions)
+        self._urgency = Urgency(program, self.robot) if by_deadline else None
+        """Of firings; None if jobs have no influence on their order."""
+        self._seed = choices.state
+        """Of what `random()` draws; the choices among rules do not change it."""
 
     # Implemented by the engines
 
@@ -150,8 +171,11 @@ class Machine(Parts):
         if action.executor == self.robot:
             for effect, checks in self._shared.effects(action.predicate, ok):
                 self._take_effect(now, effect, checks, action)
+        served = () if self._any_subgoals is None else self._any_subgoals.over(serial)
         if ok:
+            self._purpose = served
             self._follow(now, then)
+            self._purpose = ()
         return True
 
     def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
@@ -180,6 +204,8 @@ class Machine(Parts):
         args = self._shared.gate.fact(self.program.assertions[assertion].finish.predicate, args)
         events = self._assertions.seen(source, assertion, args, min(at, now))
         self._events += events
+        if events and self._urgency is not None:
+            self._jobs_changed(self._urgency)
         return bool(events)
 
     def run(self, now: Instant) -> None:
@@ -216,6 +242,10 @@ class Machine(Parts):
     def jobs(self) -> list[TimedJob]:
         """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
         return [] if self._any_jobs is None else list(self._any_jobs.jobs)
+
+    def undecided_jobs(self) -> list[TimedJob]:
+        """Return the jobs that are neither finished nor missed, in the order of their first start."""
+        return [] if self._any_jobs is None else self._any_jobs.undecided()
 
     @property
     def expression_failures(self) -> int:
@@ -263,12 +293,23 @@ class Machine(Parts):
     def facts(self) -> list[str]:
         """Return the temporary and persistent facts but for provided ones, in program syntax, sorted."""
         texts: list[str] = []
+        hidden = self._shared.hidden
         for index, predicate in enumerate(self.program.predicates):
-            if predicate.provided or predicate.kind is Kind.SENSED:
+            if predicate.provided or predicate.kind is Kind.SENSED or index in hidden:
                 continue
             mark = "!" if predicate.kind is Kind.PERSISTENT else ""
             texts.extend(format_fact(predicate.name, (self.robot, *args), mark) for args in self.each(index))
         return sorted(texts)
+
+    def set_aside(self) -> list[str]:
+        """Return the facts that are set aside while another robot decides, in program syntax, sorted."""
+        predicates = self.program.predicates
+        return sorted(
+            format_fact(predicates[hidden.other].name, (self.robot, *args[1:]))
+            for hidden in self._shared.hidden.values()
+            if hidden.duty is Duty.ASIDE and hidden.other is not None
+            for args in self.each(hidden.predicate)
+        )
 
     def goals(self) -> dict[str, list[list[object]] | list[str]]:
         """Return ``{"achieved": [[text, seconds], ...], "open": [text, ...]}``."""
@@ -306,6 +347,19 @@ class Machine(Parts):
         else:
             self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
 
+    def is_worse(self, now: Instant, predicate: int, args: Args) -> bool:
+        """Return whether a fact is no better than the one kept in its place; remove that one if it is better."""
+        best = self._shared.best[predicate]
+        argument = best.argument
+        key = (predicate, identity((*args[:argument], *args[argument + 1 :])))
+        kept = self._bests.get(key)
+        if kept is not None:
+            if not better(Operator.MIN if best.least else Operator.MAX, args[argument], kept[argument]):
+                return True
+            self._withdraw(now, predicate, kept)
+        self._bests[key] = args
+        return False
+
     def _is_full(self, now: Instant, count: int, length: int) -> bool:
         """Return whether a store of `count` facts and total `length` is full; then count one fact as dropped."""
         if count >= FACTS_MAX:
@@ -319,15 +373,33 @@ class Machine(Parts):
     def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
         """Apply the consequences of an insertion: discharge goals, then end jobs, then start jobs."""
         goals = self._any_goals
+        if predicate in self._shared.returns:
+            # The fact was inserted before, with its consequences; it comes back to the rules alone.
+            back = self._shared.returns[predicate]
+            if goals is not None and goals.open and back is not None:
+                goals.fact_changed(back, args, holds=True)
+            return
+        if goals is not None and goals.open:
+            goals.fact_changed(predicate, args, holds=True)
         if goals is not None and predicate in goals.open:
             achieved = goals.inserted(now, predicate, args)
             if achieved:
                 self._events += achieved
                 self._goals_changed(predicate)
+                ended = [event.args for event in achieved]
+                self._close(now, predicate, ended)
+                self._end_served(now, predicate, ended, achieved=True)
         if predicate in self._affairs.asked:
             self._events += self._watches.inserted(now, predicate, args)
         if predicate in self._affairs.concerned:
-            self._events += self._assertions.inserted(now, predicate, args)
+            changed = self._assertions.inserted(now, predicate, args)
+            self._events += changed
+            if changed and self._urgency is not None:
+                self._jobs_changed(self._urgency)
+
+    def _jobs_changed(self, urgency: Urgency) -> None:
+        """Note that jobs have started, restarted, finished or missed their deadlines."""
+        urgency.renew(self._assertions.undecided())
 
     def _removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
         """Remember a removed fact if another robot's request for it may still arrive (`rmr.vm.watches`)."""
@@ -335,8 +407,42 @@ class Machine(Parts):
             self._watches.removed(now, predicate, args, since)
 
     def _want(self, now: Instant, predicate: int, args: GoalArgs) -> None:
+        base = self._shared.withdrawals.get(predicate)
+        if base is not None:
+            gone = self._goals.withdraw(now, base, args)
+            self._events += [GoalWithdrawn(base, values, now) for values in gone]
+            self._goals_changed(base)
+            self._close(now, base, gone)
+            self._end_served(now, base, gone, achieved=False)
+            return
+        tracked = bool(self._purpose) or self._any_subgoals is not None
+        was_open = tracked and self._goals.is_open(predicate, args)
         self._events += self._goals.want(now, predicate, args)
+        if tracked and self._goals.is_open(predicate, args):
+            self._subgoals.opened(goal_key(predicate, here(args, self.robot)), self._purpose, was_open)
         self._goals_changed(predicate)
+        table = self._shared.goal_tables.get(predicate)
+        if table is not None and self._goals.is_open(predicate, args):
+            values = tuple([arg.value for arg in here(args, self.robot) if isinstance(arg, Constant)])
+            if len(values) == len(args):  # a goal with a variable is no fact
+                self._insert(now, table, values)
+
+    def _close(self, now: Instant, predicate: int, gone: Iterable[tuple[object, ...]]) -> None:
+        """Remove the facts that stand for goals which are no longer open."""
+        table = self._shared.goal_tables.get(predicate)
+        for values in gone if table is not None else ():
+            if table is not None and ANY not in values:
+                self._withdraw(now, table, values)  # type: ignore[arg-type]
+
+    def _end_served(self, now: Instant, predicate: int, gone: Iterable[tuple[object, ...]], *, achieved: bool) -> None:
+        """End what was done only for goals that are no longer open (`rmr.vm.subgoals`)."""
+        if self._any_subgoals is None:
+            return
+        for event in self._any_subgoals.ended(now, predicate, gone, achieved=achieved):
+            self._events.append(event)
+            if isinstance(event, GoalWithdrawn):
+                self._goals_changed(event.predicate)
+                self._close(now, event.predicate, [event.args])
 
     def _act(
         self,
@@ -351,7 +457,10 @@ class Machine(Parts):
         # Without effects of its own or steps to derive, an action of another robot is sent and forgotten: serial 0.
         if then or executor == self.robot:
             under_way = self._any_actions or self._under_way
-            self._events.append(under_way.begin(now, predicate, executor, args, then, origin))
+            action = under_way.begin(now, predicate, executor, args, then, origin)
+            self._events.append(action)
+            if self._purpose:
+                self._subgoals.derived(action.serial, self._purpose)
         else:
             self._events.append(ActionDerived(0, predicate, executor, args, origin))
 
@@ -365,7 +474,10 @@ class Machine(Parts):
 
     def _miss(self, until: Instant) -> None:
         """Derive the violations of the deadlines up to `until`, each as of its own deadline, not of the call."""
-        for job in self._assertions.overdue(until):
+        missed = self._assertions.overdue(until)
+        if missed and self._urgency is not None:
+            self._jobs_changed(self._urgency)
+        for job in missed:
             self._events.append(JobMissed(job))
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:

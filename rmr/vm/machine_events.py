@@ -117,6 +117,31 @@ class GoalAchieved:
 
 
 @record
+class GoalWithdrawn:
+    """A rule withdrew an open goal, or a sub-goal ended because no goal is left that it serves."""
+
+    predicate: int
+    args: tuple[object, ...]
+    """The goal's arguments: values, or ANY."""
+    at: Instant
+    served: tuple[int, tuple[object, ...]] | None = None
+    """Of a sub-goal: predicate and arguments of the goal whose achievement or withdrawal ended it."""
+
+
+@record
+class ActionCancelled:
+    """No goal is left that an action under way serves: the host has to stop it and report its failure (`complete`)."""
+
+    serial: int
+    predicate: int
+    args: Args
+    """Without the executor, which is this robot."""
+    served: tuple[int, tuple[object, ...]]
+    """Predicate and arguments of the goal whose achievement or withdrawal ended it."""
+    at: Instant
+
+
+@record
 class FactInserted:
     """Traced only: a fact of this robot now holds."""
 
@@ -160,7 +185,8 @@ class BoundReached:
 
     what: str
     """``facts``, ``lengths`` (of all facts), ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``,
-    ``rotor`` (the least recent firings), ``watches``."""
+    ``rotor`` (the least recent firings), ``ranking`` (runs in a row that waited for ranks; then firings go by estimates
+    until the search is finished), ``ways`` (steps of that search; what lies beyond has estimates), ``watches``."""
     bound: int
     """How many are kept."""
     at: Instant
@@ -171,12 +197,14 @@ VmEvent = (
     | FactSent
     | GoalSent
     | ActionDerived
+    | ActionCancelled
     | JobStarted
     | JobFinished
     | JobMissed
     | FinishAwaited
     | FinishSeen
     | GoalAchieved
+    | GoalWithdrawn
     | FactInserted
     | FactRemoved
     | RuleRepeats

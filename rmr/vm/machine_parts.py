@@ -17,6 +17,7 @@ from rmr.vm.goals import Goals
 from rmr.vm.machine_events import VmEvent
 from rmr.vm.shared import shared_of
 from rmr.vm.store import Args
+from rmr.vm.subgoals import Subgoals
 from rmr.vm.underway import UnderWay
 from rmr.vm.watches import Watches
 
@@ -29,6 +30,7 @@ class Parts(ABC):
         "_any_actions",
         "_any_goals",
         "_any_jobs",
+        "_any_subgoals",
         "_any_watches",
         "_dropped",
         "_events",
@@ -50,6 +52,7 @@ class Parts(ABC):
         self._any_actions: UnderWay | None = None
         self._any_jobs: Assertions | None = None
         self._any_watches: Watches | None = None
+        self._any_subgoals: Subgoals | None = None
 
     @abstractmethod
     def each(self, predicate: int) -> Iterable[Args]:
@@ -77,6 +80,12 @@ class Parts(ABC):
             mine = self._affairs.mine
             self._any_jobs = Assertions(self.program, self.robot, mine, self, self._failures, self._dropped)
         return self._any_jobs
+
+    @property
+    def _subgoals(self) -> Subgoals:
+        if self._any_subgoals is None:
+            self._any_subgoals = Subgoals(self.program, self.robot, self._goals, self._under_way)
+        return self._any_subgoals
 
     @property
     def _watches(self) -> Watches:

@@ -13,9 +13,11 @@ slots to compare with, slots to bind.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import (
     SELF_SLOT,
     Anything,
@@ -23,12 +25,15 @@ from rmr.bytecode.program import (
     Bind,
     Code,
     Conjunct,
+    Fold,
     Guard,
     Mode,
+    Operator,
     Pattern,
     Predicate,
     Slot,
 )
+from rmr.vm.aggregate import reduced
 from rmr.vm.evaluate import NoValue, evaluate, same
 from rmr.vm.store import Fact, Facts, Store, is_open
 
@@ -79,8 +84,23 @@ class BindStep:
     may be of another type (1 and 1.0)."""
 
 
-Step = AtomStep | GuardStep | BindStep
+@dataclass(frozen=True, slots=True)
+class FoldStep:
+    """A value that all matches of an inner body are reduced to."""
+
+    operator: Operator
+    term: Code | None
+    result: int
+    steps: "Plan"
+
+
+Step = AtomStep | GuardStep | BindStep | FoldStep
 Plan = tuple[Step, ...]
+
+FOLDED = -1
+"""The predicate of the pseudo-fact that stands for the value of a fold among the facts of a match.
+
+Its serial is what identifies the value. So a match in which the value has changed is another match."""
 
 
 def plan(body: Iterable[Conjunct], predicates: tuple[Predicate, ...], bound: Iterable[int] = (SELF_SLOT,)) -> Plan:
@@ -93,6 +113,10 @@ def plan(body: Iterable[Conjunct], predicates: tuple[Predicate, ...], bound: Ite
         elif isinstance(conjunct, Bind):
             steps.append(BindStep(conjunct.slot, conjunct.code))
             known.add(conjunct.slot)
+        elif isinstance(conjunct, Fold):
+            inner = plan(conjunct.body, predicates, known)
+            steps.append(FoldStep(conjunct.operator, conjunct.term, conjunct.result, inner))
+            known.add(conjunct.result)
         else:
             steps.append(plan_atom(conjunct, predicates, known))
             if conjunct.mode is not Mode.ABSENT:
@@ -165,11 +189,13 @@ def consumed_places(steps: Plan) -> tuple[int, ...]:
 
 
 def bind_again(steps: Plan, facts: Sequence[Fact], env: Env, now: Instant) -> None:
-    """Put the values of a match into `env`, given its facts: one for each atom that is not ABSENT."""
+    """Put the values of a match into `env`, given its facts: one for each atom that is not ABSENT and each fold."""
     rest = iter(facts)
     for step in steps:
         if isinstance(step, BindStep):
             env[step.slot] = evaluate(step.code, env, now)
+        elif isinstance(step, FoldStep):
+            env[step.result] = next(rest).args[0]
         elif isinstance(step, AtomStep) and step.mode is not Mode.ABSENT:
             args = next(rest).args
             for position, slot in step.binds:
@@ -221,7 +247,14 @@ class Search:
                     yield from self.extend(index + 1)
                 return
             yield from self.take(step, index)
-        elif self.holds(step, index):
+        elif type(step) is FoldStep:
+            value = self.folded(step, index)
+            if value is not None:
+                self.env[step.result] = value
+                self.found.append(value_fact(value))
+                yield from self.extend(index + 1)
+                self.found.pop()
+        elif self.holds(step, index):  # type: ignore[arg-type]  # narrowed by `type`, which is faster here
             yield from self.extend(index + 1)
 
     def take(self, step: AtomStep, index: int) -> Iterator[Found]:
@@ -272,9 +305,32 @@ class Search:
             return ()
         return facts
 
-    def holds(self, step: Step, index: int) -> bool:
+    def folded(self, step: FoldStep, index: int) -> Value | None:
+        """Return the value of a fold; None if it has none, or the search budget is used up."""
+
+        def failed(_step: int, _found: Found, reason: str) -> None:
+            self.on_failure(index, self.found, reason)
+
+        inner = Search(step.steps, self.store, self.env, self.now, failed, self.gone)
+        inner._looks_left = self._looks_left
+        values: list[Value] = []
+        try:
+            for _ in inner.matches():
+                if step.term is None:
+                    values.append(1)
+                    continue
+                try:
+                    values.append(evaluate(step.term, self.env, self.now))
+                except NoValue as reason:
+                    self.on_failure(index, self.found, str(reason))
+            self._looks_left = inner._looks_left
+            return None if self._looks_left < 0 else reduced(step.operator, values)
+        except NoValue as reason:
+            self.on_failure(index, self.found, str(reason))
+            return None
+
+    def holds(self, step: GuardStep | BindStep, index: int) -> bool:
         """Evaluate a condition, or bind a variable; False also if the expression has no value."""
-        assert not isinstance(step, AtomStep)
         try:
             value = evaluate(step.code, self.env, self.now)
             if isinstance(step, BindStep):
@@ -288,6 +344,12 @@ class Search:
             self.on_failure(index, self.found, str(reason))
             return False
         return value
+
+
+def value_fact(value: Value) -> Fact:
+    """Return the pseudo-fact of a fold's value."""
+    key: Any = identity(value)
+    return Fact(FOLDED, (value,), key, 0, 0)
 
 
 def pattern_agrees(patterns: tuple[Pattern, ...], args: Args, bindings: tuple[Value | None, ...] = ()) -> bool:

@@ -8,15 +8,15 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
-from rmr.base.values import Value
-from rmr.bytecode.program import Aggregate, Comprehension, Operator, Program
-from rmr.vm.derive import Chain, Derived, DerivedKind, FiringEffect, Inner, InnerMatch
+from rmr.bytecode.arithmetic import truth
+from rmr.bytecode.program import Aggregate, Comprehension, HeadValue, Operator, Program
+from rmr.vm.derive import Chain, Derived, DerivedKind, FiringEffect, Inner, InnerMatch, PlannedHead, PlannedWhen
 from rmr.vm.goals import GoalArgs
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.interpreter import UNRANKED
 from rmr.vm.machine import FIRING_BUDGET
 from rmr.vm.machine_events import ActionDerived, JobMissed, JobStarted
-from rmr.vm.match import bind_again
+from rmr.vm.match import FOLDED, Env, bind_again
 from rmr.vm.provenance import (
     ActionRecord,
     Cause,
@@ -125,7 +125,9 @@ class ObservedMachine(Interpreted):
 
     def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
         fact = self._store.newest
-        self._log.records.append(InsertionRecord(now, fact, predicate, args, self._because))
+        kept = self._shared.returns.get(predicate)
+        table = predicate if kept is None else kept
+        self._log.records.append(InsertionRecord(now, fact, table, args, self._because))
         before = len(self._events)
         super()._inserted(now, predicate, args)
         for event in self._events[before:]:
@@ -183,9 +185,9 @@ class ObservedMachine(Interpreted):
         interpreter = self._interpreter
         candidate = interpreter.chosen(rule)
         planned = interpreter.planned(rule)
-        env: list[Value] = [self.robot] * planned.slots
+        env = interpreter.slots_of(rule, ago=1)
         bind_again(planned.steps, candidate.facts, env, now)
-        bindings = tuple(env)
+        bindings = tuple(env[: len(env) - planned.drawn])
         matches: list[InnerMatch] = []
         planned.derive(self._store, env, candidate.facts, now, _ignore, matches)
         return FiringRecord(
@@ -195,10 +197,16 @@ class ObservedMachine(Interpreted):
             bindings,
             _serials(candidate.facts),
             _serials(effect.consumed),
-            tuple(_origins(planned.head, effect.derived, matches)),
+            tuple(_origins(planned.head, env, effect.derived, matches)),
             None if candidate.rank == UNRANKED else candidate.rank,
-            tuple([Rival(index, None if rank == UNRANKED else rank) for index, rank in interpreter.rivals(rule)]),
+            tuple(
+                [
+                    Rival(index, None if rank == UNRANKED else rank, each)
+                    for index, rank, each in interpreter.rivals(rule)
+                ]
+            ),
             tuple([(predicate, args) for predicate, goals in self._goals.open.items() for args in goals.values()]),
+            candidate.urgency,
         )
 
 
@@ -208,13 +216,21 @@ def _ignore(part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
 
 
 def _serials(facts: Iterable[Fact]) -> tuple[int, ...]:
-    return tuple([fact.serial for fact in facts])
+    return tuple([fact.serial for fact in facts if fact.predicate != FOLDED])
 
 
-def _origins(head: Sequence[object], derived: Sequence[Chain], matches: Sequence[InnerMatch]) -> Iterator[ChainOrigin]:
-    """Yield the derived chains, each with the facts of the inner match or matches that it comes from."""
+def _origins(
+    head: Sequence[PlannedHead], env: Env, derived: Sequence[Chain], matches: Sequence[InnerMatch]
+) -> Iterator[ChainOrigin]:
+    """Yield the derived chains, each with the facts of the inner match or matches that it comes from.
+
+    `env` has the slots of the firing after its head has been evaluated, the conditions of choices included.
+    """
     rest = iter(derived)
-    for part, item in enumerate(head):
+    for part, planned in enumerate(head):
+        item = planned.item if isinstance(planned, PlannedWhen) and truth(env[planned.slot]) else planned
+        if isinstance(item, HeadValue | PlannedWhen):
+            continue
         if not isinstance(item, Inner):
             yield ChainOrigin(next(rest), ())
             continue
@@ -224,7 +240,8 @@ def _origins(head: Sequence[object], derived: Sequence[Chain], matches: Sequence
                 for _ in item.items:
                     yield ChainOrigin(next(rest), serials)
         elif found or not _needs_match(item.head):
-            yield ChainOrigin(next(rest), tuple([serial for serials in found for serial in serials]))
+            for _ in item.items:
+                yield ChainOrigin(next(rest), tuple([serial for serials in found for serial in serials]))
 
 
 def _needs_match(aggregate: Aggregate) -> bool:

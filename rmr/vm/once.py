@@ -5,10 +5,10 @@ serial numbers, is unique over the whole run, and the order of the matches (conj
 first) is the order of their keys.
 
 `Growing` serves bodies whose matches arise by insertions alone. It keeps the horizon, the key up to which all matches
-have been found, and the matches up to there that have not fired. When those are used up it searches beyond the horizon;
-when facts are inserted it adds the matches up to the horizon that have a new fact. No match is found twice, so fired
-matches need not be remembered. `Changing` serves bodies with ``not``, whose matches arise by removals too: it searches
-all matches anew after a change and remembers which have fired.
+have been found, and the matches up to there that have not fired. When these have fired, it searches beyond the
+horizon. When facts are inserted, it adds the matches up to the horizon that contain a new fact. No match is found
+twice, so fired matches need not be remembered. `Changing` serves bodies with ``not``, whose matches arise by removals
+too: it searches all matches anew after a change and remembers which have fired.
 """
 
 from abc import ABC, abstractmethod
@@ -43,7 +43,7 @@ class Match(NamedTuple):
 
     @property
     def held(self) -> bool:
-        """Whether all its facts are still there."""
+        """Whether all facts of the match still hold."""
         return all(fact.held for fact in self.facts)
 
 
@@ -83,7 +83,7 @@ class Once(ABC):
 
     @abstractmethod
     def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
-        """Keep matches that come behind all those that are kept; False if there are none."""
+        """Keep further matches, which come after all those kept so far; return False if there are none."""
 
     def _forget_gone(self, place: int) -> None:
         """Drop matches with removed facts, from `place` up to the next valid one."""

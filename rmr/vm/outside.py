@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from rmr.base.values import Value
 from rmr.bytecode.conform import checker, conforms
-from rmr.bytecode.program import ANY, Anything, Base, Constant, Kind, Pattern, Predicate, Slot, Type
+from rmr.bytecode.program import ANY, GOALS_OF, Anything, Base, Constant, Kind, Pattern, Predicate, Slot, Type
 from rmr.vm.store import Args
 
 
@@ -22,7 +22,7 @@ class Gate:
         self._predicates = predicates
         self._fits = [_fits(predicate.types) for predicate in predicates]
         self._facts = [
-            _refuse if predicate.kind is Kind.ACTION else fits
+            _refuse if predicate.kind is Kind.ACTION or predicate.name.startswith(GOALS_OF) else fits
             for predicate, fits in zip(predicates, self._fits, strict=True)
         ]
         """By predicate, whether arguments conform as they are: the fast path of every fact that comes in."""
@@ -34,12 +34,14 @@ class Gate:
         declared = self._predicate(predicate)
         if declared.kind is Kind.ACTION:
             raise ValueError(f"{declared.name} is an action, not a fact")
+        if declared.name.startswith(GOALS_OF):
+            raise ValueError(f"{declared.name} stands for goals: they are opened, not inserted")
         return self._convert(predicate, declared, args)
 
     def sensed(self, predicate: int, args: Args) -> Args:
         """Return the arguments of a sensed fact. Raises ValueError."""
         declared = self._predicate(predicate)
-        if declared.kind is not Kind.SENSED:
+        if declared.kind is not Kind.SENSED or declared.name.startswith(GOALS_OF):
             raise ValueError(f"{declared.name} is not sensed: its facts cannot be withdrawn")
         return self._convert(predicate, declared, args)
 

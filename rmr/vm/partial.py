@@ -5,7 +5,7 @@ skips every prefix that cannot lead behind a given key.
 
 `Fresh` is semi-naive evaluation: for each atom in turn, that atom takes the new facts, the atoms before it take older
 facts, and the atoms behind it any. Each match is thus found exactly once, by the first atom that takes a new fact, and
-the cost depends on the new facts and their joins, not on all facts. Whatever the order of the search, a variable has
+the cost depends on the new facts and their joins, not on all facts. In every order of the search, a variable gets
 the value that the textually first conjunct gives it.
 """
 
@@ -64,7 +64,7 @@ def fresh_plans(body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...]) -
 
 
 def _binding(step: Step, usual: Step, bound: set[int]) -> Step:
-    """Return a step that compares what is `bound` before its time, and then binds what it would bind as usual."""
+    """Return a step that compares slots that are `bound` earlier than usual, and binds its other slots as usual."""
     if isinstance(step, AtomStep) and isinstance(usual, AtomStep):
         return replace(step, binds=usual.binds)
     return replace(step, again=step.slot in bound) if isinstance(step, BindStep) else step

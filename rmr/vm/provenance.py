@@ -56,7 +56,7 @@ class StepCause(NamedTuple):
 
 
 class HandlerCause(NamedTuple):
-    """The Python handler of an action has inserted the fact."""
+    """The Python handler of an action has inserted or withdrawn the fact."""
 
     action: int
 
@@ -74,7 +74,13 @@ class UndeliveredCause(NamedTuple):
 
     destination: int
     name: str
-    """Of the predicate that was not delivered."""
+    """Name of the predicate that was not delivered."""
+
+
+class StandsCause(NamedTuple):
+    """The robot at home has acknowledged a decision about a rule over several robots."""
+
+    home: int
 
 
 class MissedCause(NamedTuple):
@@ -94,6 +100,7 @@ Cause = (
     | HandlerCause
     | DeliveredCause
     | UndeliveredCause
+    | StandsCause
     | MissedCause
 )
 
@@ -123,6 +130,8 @@ class Rival(NamedTuple):
 
     rule: int
     rank: int | None
+    urgency: int
+    """As `rmr.vm.urgency` defines it."""
 
 
 class ChainOrigin(NamedTuple):
@@ -130,7 +139,7 @@ class ChainOrigin(NamedTuple):
 
     chain: Chain
     inner: tuple[int, ...]
-    """Serial numbers, beside those of the rule's own body."""
+    """Serial numbers of the facts, in addition to those of the rule's own body."""
 
 
 class FiringRecord(NamedTuple):
@@ -148,11 +157,13 @@ class FiringRecord(NamedTuple):
     """Facts removed, those of comprehensions and aggregates too."""
     derived: tuple[ChainOrigin, ...]
     rank: int | None
-    """Further firings to an open goal; None: it leads to none."""
+    """Number of further firings to an open goal; None: the firing leads to no goal."""
     rivals: tuple[Rival, ...]
     """The other rules that were satisfied."""
     goals: tuple[tuple[int, tuple[Pattern, ...]], ...]
     """Open goals: predicate and patterns."""
+    urgency: int
+    """As `rmr.vm.urgency` defines it."""
 
 
 class SendRecord(NamedTuple):
@@ -176,7 +187,7 @@ class SendingRecord(NamedTuple):
 
 
 class RefusedRecord(NamedTuple):
-    """What was taken up for sending cannot be sent."""
+    """A message that the host took up for sending cannot be sent."""
 
     at: Instant
     destination: int
@@ -197,7 +208,7 @@ class ActionRecord(NamedTuple):
 
 
 class ActionStage(NamedTuple):
-    """An action of this robot has come further."""
+    """An action of this robot has reached its next state."""
 
     at: Instant
     serial: int

@@ -1,21 +1,32 @@
 """Ranks: the number of further firings that lead from a firing to an open goal (paper III.B, figure 6).
 
 For each goal that the program states the compiler has computed which rules lead to it, and their distance where all
-firings of a rule have the same one (`InitialGoal.leads`). While only such goals are open, a known rank costs a look-up,
-and a rule without a lead has no rank. In every other case a backward search from all open goals (`goal_levels`) finds
-the level of the facts that a firing brings about; its result is kept until the goals change. Both ways agree: the
-compiler states no rank where the search could run out of its budget.
+firings of a rule have the same one, whatever facts hold (`InitialGoal.leads`). While only such goals are open, a known
+rank costs a look-up, and a rule without a lead has no rank.
+
+In every other case the rank is the length of the shortest way from the facts that a firing brings about to an open
+goal, over the facts that hold (`rmr.vm.goal_ways`). If there is no such way, the rank is an estimate that takes all
+other facts for granted (`goal_levels`); estimates come after all ways over facts. Compiled ranks and searched ones
+agree: the compiler states no rank that facts could change, or for which the estimate could run out of its budget.
+
+Work is bounded: each `run` of the machine has a budget of `RANKING_STEPS`. While the search is not finished, a firing
+whose rank is not known yet has the rank PENDING. A machine that would fire such a one waits for its next run, at most
+`RANKING_RUNS_MAX` times; then it goes on by estimates until the search is finished, and reports it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from rmr.analysis.backward_chaining import HOME, Backwards, Patterns, Wanted
 from rmr.analysis.goal_levels import Levels
+from rmr.analysis.regressions import regressions_of
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
+from rmr.bytecode.heads import items
 from rmr.bytecode.octets import identity
-from rmr.bytecode.program import Constant, Lead, Program
-from rmr.vm.store import Args
+from rmr.bytecode.program import GOALS_OF, Constant, DeriveGoal, Lead, Program
+from rmr.vm.goal_graph import FAR
+from rmr.vm.goal_ways import GoalWays
+from rmr.vm.store import Args, Holdings
 
 GoalKey = tuple[int, tuple[object, ...]]
 RuleRanks = dict[int, int]
@@ -23,6 +34,27 @@ RuleRanks = dict[int, int]
 
 SEARCH = -1
 """Placeholder for a rank that differs between the firings of a rule and must be searched for."""
+
+PENDING = 1 << 28
+"""Rank of a firing while the search for it is not finished: greater than that of any way over facts."""
+
+ESTIMATE = 1 << 29
+"""Added to a rank that is an estimate: no way over the facts that hold leads from the firing to a goal."""
+
+RANKING_STEPS = 5_000
+"""Steps of the search that one `run` may take: a few milliseconds of a tick of 16."""
+
+RANKING_RUNS_MAX = 600
+"""Runs in a row for which a machine waits for its ranks, 10 s of ticks: enough for a map of a million facts."""
+
+
+def rank_text(rank: int | None) -> str:
+    """Return a rank in words."""
+    if rank is None:
+        return "no rank"
+    if rank >= ESTIMATE:
+        return f"rank {rank - ESTIMATE} if facts change, for there is no way over those that hold"
+    return "no rank yet, for the search for it is not finished" if rank == PENDING else f"rank {rank}"
 
 
 class Leads:
@@ -66,6 +98,19 @@ class Reading:
         self._alike = self._work_out(Robot(0)) if alike else None
         """The compiler's ranks if they are the same for all robots, else None."""
         self.leads = Leads(self._lead)
+        self.goal_tables = {
+            index: program.index(each.name.removeprefix(GOALS_OF)) or 0
+            for index, each in enumerate(program.predicates)
+            if each.name.startswith(GOALS_OF)
+        }
+        """By predicate that stands for the open goals of another one: that one."""
+        self.withdrawing: dict[int, frozenset[int]] = {}
+        """By rule that withdraws goals: their predicates."""
+        for rule, each in enumerate(program.rules if self.goal_tables else ()):
+            wanted = [item.predicate for item in items(each.head) if isinstance(item, DeriveGoal)]
+            tables = frozenset(self.goal_tables[table] for table in wanted if table in self.goal_tables)
+            if tables:
+                self.withdrawing[rule] = tables
 
     @property
     def backwards(self) -> Backwards:
@@ -127,14 +172,43 @@ def here(args: Patterns, robot: Robot) -> Patterns:
 
 
 class Ranks:
-    """The ranks of one robot's firings; backward chaining is used only for goals without ranks from the compiler."""
+    """The ranks of one robot's firings."""
 
-    __slots__ = ("_goals", "_levels", "_nearest", "_ranks", "_reading", "_robot", "_stale", "_stated", "_unstated")
+    __slots__ = (
+        "_budget",
+        "_estimating",
+        "_full",
+        "_goals",
+        "_holdings",
+        "_levels",
+        "_nearest",
+        "_program",
+        "_ranks",
+        "_reading",
+        "_robot",
+        "_rooted",
+        "_seen",
+        "_stale",
+        "_stated",
+        "_unstated",
+        "_waited",
+        "_ways",
+    )
 
-    def __init__(self, program: Program, robot: Robot, goals: Mapping[int, Mapping[GoalKey, Patterns]]) -> None:
-        """`goals` are the open ones, by predicate."""
+    def __init__(
+        self,
+        program: Program,
+        robot: Robot,
+        goals: Mapping[int, Mapping[GoalKey, Patterns]],
+        holdings: Holdings,
+        full: Callable[[], None],
+    ) -> None:
+        """`goals` are the open ones, by predicate; `full` is called when a search has reached its bound."""
+        self._program = program
         self._robot = robot
         self._goals = goals
+        self._holdings = holdings
+        self._full = full
         self._reading = reading(program)
         self._stated = self._reading.stated(robot)
         self._unstated = False
@@ -143,19 +217,66 @@ class Ranks:
         self._nearest: dict[int, int] | None = None
         self._levels: Levels | None = None
         self._stale = True
+        self._ways: GoalWays | None = None
+        """The search over facts; None if no rank depends on them."""
+        self._rooted: dict[GoalKey, Patterns] = {}
+        """The goals that the search knows."""
+        self._seen = (0, -1)
+        """State of the search at the last `settle`."""
+        self._budget = RANKING_STEPS
+        self._waited = 0
+        self._estimating = False
+        """Whether firings whose rank is not known yet have an estimate: the machine has waited for too long."""
 
     def change(self, key: GoalKey) -> None:
         """Note that a goal has been opened or discharged."""
         self._stale = True
         if key not in self._stated.ranks:
             self._unstated = True
+        if not any(self._goals.values()):
+            self._forget()  # while no goal is open, changes of facts are not reported
+
+    def fact_changed(self, predicate: int, args: Args, holds: bool) -> None:
+        """Note that a fact has been inserted or removed."""
+        if self._ways is not None and not self._ways.changed(predicate, args, holds):
+            self._forget()
+
+    def begin(self) -> None:
+        """Renew the budget: a run begins."""
+        self._budget = RANKING_STEPS
+
+    def settle(self) -> bool:
+        """Bring the search up to date with goals and facts, within the budget; return whether a rank may differ."""
+        if self._stale:
+            self._refresh()
+        ways = self._ways
+        if ways is None:
+            return False
+        if self._budget:
+            self._budget = ways.work(self._budget)
+        if self._estimating and ways.is_done:
+            self._estimating = False
+            self._seen = (-1, -1)
+        seen = ways.version, ways.exact
+        differs = seen != self._seen
+        self._seen = seen
+        return differs
+
+    def wait(self) -> bool:
+        """Return whether the machine is to wait for the search; False if it has waited for too long."""
+        self._waited += 1
+        if self._waited <= RANKING_RUNS_MAX:
+            return True
+        self._waited = 0
+        self._estimating = True
+        return False
 
     def leading(self, predicate: int) -> list[int]:
         """Return the rules whose firings may get another rank when the goals of `predicate` change."""
         return (self._reading if self._unstated else self._stated).leads.to(predicate)
 
     def nearest(self, rule: int) -> int | None:
-        """Return the lowest rank that a firing of `rule` can have; None if no open goal follows from any."""
+        """Return a lower bound on the rank of a firing of `rule`; None if no open goal follows from any."""
         rank = self._known(rule)
         if rank != SEARCH:
             return rank
@@ -177,24 +298,61 @@ class Ranks:
         near = [fact for fact in facts if fact[0] in distances]
         if not near:
             return None
+        assert self._ways is not None
+        levels = [self._ways.level(*fact) for fact in near]
+        lowest = min([level for level in levels if level is not None], default=FAR)
+        if lowest < FAR:
+            return lowest
+        if None in levels and not self._estimating:
+            return PENDING
+        estimate = self.estimated(near)
+        return None if estimate is None else ESTIMATE + estimate
+
+    def estimated(self, facts: Iterable[tuple[int, Args]]) -> int | None:
+        """Return the number of firings from one of `facts` to a goal if all else holds; None: no rule leads there."""
         if self._levels is None:
             self._levels = Levels(self._reading.backwards, self._wanted(), self._robot)
-        return self._levels.lowest(near)
+        return self._levels.lowest(facts)
 
     def _wanted(self) -> Iterator[Wanted]:
         return ((predicate, args) for predicate, goals in self._goals.items() for args in goals.values())
 
     def _known(self, rule: int) -> int | None:
-        """Return the rank of all firings of a rule, given the open goals; SEARCH if the compiler has not found it."""
+        """Return the rank of all firings of a rule, given the open goals; SEARCH if it depends on the firing."""
         if self._stale:
-            # Computed on demand: between two questions goals may change many times.
-            self._stale = False
-            self._nearest = self._levels = None
-            leads = [self._stated.ranks.get(key) for goals in self._goals.values() for key in goals]
-            known = [each for each in leads if each is not None]
-            # One open goal without leads is enough to make the leads of the others useless.
-            self._ranks = merged(known) if len(known) == len(leads) else None
+            self._refresh()
         return SEARCH if self._ranks is None else self._ranks.get(rule)
+
+    def _refresh(self) -> None:
+        """Take note of the open goals. Done on demand: between two questions they may change many times."""
+        self._stale = False
+        self._nearest = self._levels = None
+        self._waited = 0
+        leads = [self._stated.ranks.get(key) for goals in self._goals.values() for key in goals]
+        known = [each for each in leads if each is not None]
+        # One open goal without leads is enough to make the leads of the others useless.
+        self._ranks = merged(known) if len(known) == len(leads) else None
+        if not leads or (self._ranks is not None and SEARCH not in self._ranks.values()):
+            self._forget()
+            self._stale = False
+            return
+        if self._ways is None:
+            self._ways = GoalWays(regressions_of(self._program), self._robot, self._holdings.each, self._full)
+            self._seen = (-1, -1)
+        opened = {key: args for goals in self._goals.values() for key, args in goals.items()}
+        for key, args in self._rooted.items():
+            if key not in opened:
+                self._ways.goal(key[0], args, wanted=False)
+        for key, args in opened.items():
+            if key not in self._rooted:
+                self._ways.goal(key[0], args, wanted=True)
+        self._rooted = opened
+
+    def _forget(self) -> None:
+        """Drop the graph; it is explored anew when it is next needed."""
+        self._ways = None
+        self._rooted = {}
+        self._stale = True
 
     def _distances(self) -> dict[int, int]:
         """Return, by predicate from which rules lead to an open goal, a lower bound on the rank."""

@@ -54,7 +54,7 @@ class KeptAtom(NamedTuple):
 
 
 class RotorPlan(NamedTuple):
-    """What a rule consumes and keeps, as places among the facts of a match."""
+    """The facts that a rule consumes and keeps, as places among the facts of a match."""
 
     kept: tuple[KeptAtom, ...]
     consumed: tuple[int, ...]

@@ -12,6 +12,7 @@ from rmr.base.time import Instant
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Program
 from rmr.vm import match, once
+from rmr.vm.draws import Draws
 from rmr.vm.evaluate import NoValue
 from rmr.vm.generate.form import ARGS, HELD, SERIAL
 from rmr.vm.generate.module import Module
@@ -33,15 +34,18 @@ class Running(Machine):
         "busy",
         "changed",
         "count",
+        "drawn",
         "fired",
         "length",
         "looking",
         "looks",
         "newest",
         "observed",
+        "pressing",
         "ready",
         "stale",
         "touched",
+        "unsettled",
         "wanting",
     )
 
@@ -82,10 +86,16 @@ class Running(Machine):
         """While goals are open: bit set of the rules with a changed fact since they were last ranked."""
         self.wanting = False
         """Whether goals are open."""
+        self.pressing = False
+        """Whether there are jobs that influence the order of firings."""
+        self.unsettled = False
+        """Whether that has changed since the last firing."""
         self.observed = trace
-        """Whether each insertion and removal is reported: facts are traced or goals are open."""
+        """Whether each insertion and removal is reported: facts are traced, goals are open or jobs are pressing."""
         self.fired: dict[int, Unfired] = {}
         """Refraction memory of the rematched rules that consume nothing."""
+        self.drawn: dict[int, int] = {}
+        """Of each rule that draws: how often it has fired."""
         self.busy = bool(self.module.plans)
         self.module.reset(self)
 
@@ -147,6 +157,8 @@ class Running(Machine):
         if self._trace:
             self._events.append(FactRemoved(predicate, args, now))
         self.touched |= rules
+        if self.wanting:
+            self._goals.fact_changed(predicate, args, holds=False)
 
     def queued(self, predicate: int) -> list[HeldFact]:
         """Return the facts of a predicate that are in no table, oldest first."""
@@ -154,6 +166,14 @@ class Running(Machine):
         for plan in self.module.readers[predicate]:
             facts += [getattr(self, plan.slots.match), *self._waiting(plan)]
         return sorted([fact for fact in facts if fact is not None and fact[HELD]])
+
+    def draws(self, rule: int) -> Draws:
+        """Return the numbers that the next firing of a rule draws."""
+        return Draws(self._seed, rule, self.drawn.get(rule, 0))
+
+    def drew(self, rule: int) -> None:
+        """Note that a rule that draws has fired."""
+        self.drawn[rule] = self.drawn.get(rule, 0) + 1
 
     def give_up(self) -> None:
         """Report, once, that a search has used its budget, unless it is restarted in another way (`looking`)."""
@@ -271,7 +291,8 @@ class Running(Machine):
                 setattr(self, slots.last_top, top[SERIAL])
                 if top[HELD]:
                     self.module.names[plan.functions.below](self, now, top, kept)
-            kept.sort(reverse=True)
+            # What is gone must not stay: it would be sorted before the matches that hold, and fire.
+            kept[:] = sorted([entry for entry in kept if all(fact[HELD] for fact in entry)], reverse=True)
         return sorted([entry for entry in kept if all(fact[HELD] for fact in entry)])
 
     def _waiting(self, plan: RulePlan) -> list[HeldFact]:

@@ -3,13 +3,29 @@
 A thousand robots of one process may run one program. A machine's own state holds only what has happened to it.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Effect, InitialFact, Kind, Program, Slot
+from rmr.bytecode.heads import items
+from rmr.bytecode.program import (
+    SELF_SLOT,
+    Assertion,
+    Atom,
+    Constant,
+    DeriveAction,
+    DeriveGoal,
+    Duty,
+    Effect,
+    InitialFact,
+    Kind,
+    Mode,
+    Program,
+    Slot,
+)
 from rmr.vm.outside import Gate
+from rmr.vm.ranks import reading
 from rmr.vm.store import Args
 from rmr.vm.type_checks import TypeChecks, type_checks
 
@@ -38,13 +54,44 @@ class Affairs(NamedTuple):
 class Shared:
     """The shared data of one program."""
 
-    __slots__ = ("_affairs", "_alike", "_effects", "_named", "_program", "_stated", "gate", "number", "violations")
+    __slots__ = (
+        "_affairs",
+        "_alike",
+        "_effects",
+        "_named",
+        "_program",
+        "_stated",
+        "best",
+        "gate",
+        "goal_tables",
+        "hidden",
+        "life",
+        "number",
+        "restarted",
+        "returns",
+        "serving",
+        "violations",
+        "withdrawals",
+    )
 
     def __init__(self, program: Program) -> None:
         number = program.index(ROBOT_NUMBER)
         self.number = number if number is not None and program.predicates[number].provided else None
         """The index of `ROBOT_NUMBER` if the program uses it: each machine then inserts its own number."""
         self.gate = Gate(program.predicates)
+        self.hidden = {each.predicate: each for each in program.ensemble}
+        """By predicate: what the compiler has made for rules over several robots."""
+        self.life = next((each.predicate for each in program.ensemble if each.duty is Duty.LIFE), None)
+        self.restarted = next((each.predicate for each in program.ensemble if each.duty is Duty.RESTARTED), None)
+        self.returns = {each.predicate: each.other for each in program.ensemble if each.duty is Duty.RETURN}
+        """By predicate whose insertions return a fact that was set aside: the predicate of that fact."""
+        self.withdrawals = reading(program).goal_tables
+        """By predicate that stands for the open goals of another one: that one."""
+        self.goal_tables = {index: table for table, index in self.withdrawals.items()}
+        """The reverse."""
+        self.serving = _serving(program, self.withdrawals) if self.withdrawals else {}
+        """By rule that reads goals and derives goals or actions: the places of these goals among the atoms that take a
+        fact, with their predicates."""
         self._stated = [(fact, any(isinstance(arg, Slot) for arg in fact.args)) for fact in program.facts]
         """The stated facts, each with whether the robot itself is one of its arguments."""
         alike = all(fact.owner is None and not itself for fact, itself in self._stated)
@@ -60,6 +107,8 @@ class Shared:
         ]
         """By time assertion: its violation and the run-time type checks of that."""
         self._affairs = _affairs(program, None)
+        self.best = {index: each.best for index, each in enumerate(program.predicates) if each.best is not None}
+        """Which facts are kept of the predicates of which only the best is."""
         self._named: dict[int, Affairs | None] = dict.fromkeys(_robots(program))
         """By robot that a time assertion names: its `Affairs`, None until they are first requested."""
         self._program = program
@@ -89,6 +138,16 @@ class Shared:
 
 shared_of = ByIdentity(Shared)
 """Returns the shared data of a program."""
+
+
+def _serving(program: Program, bases: Mapping[int, int]) -> dict[int, tuple[tuple[int, int], ...]]:
+    found: dict[int, tuple[tuple[int, int], ...]] = {}
+    for index, rule in enumerate(program.rules):
+        atoms = [each for each in rule.body if isinstance(each, Atom) and each.mode is not Mode.ABSENT]
+        read = [(place, bases[each.predicate]) for place, each in enumerate(atoms) if each.predicate in bases]
+        if read and any(isinstance(item, DeriveGoal | DeriveAction) for item in items(rule.head)):
+            found[index] = tuple(read)
+    return found
 
 
 def _effects(effects: tuple[Effect, ...], program: Program) -> Effects:

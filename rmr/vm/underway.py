@@ -1,9 +1,9 @@
 """Actions under way, and the chains of steps that wait for their ends (``a(R) then b(R)``).
 
 A robot awaits the end of each action that it executes, because of the effects, and of each action with a following
-step, on every executor. The end of an action is reported by its serial. The serial belongs to the robot that derived
-the action; another executor knows it as the action's origin. Both tables are bounded: an end that never comes, because
-the executor is gone, occupies one entry.
+step, whichever robot is its executor. The end of an action is reported with its serial. The serial belongs to the robot
+that derived the action; another executor knows it as the action's origin. Both tables are bounded: an end that never
+comes, because the executor is gone, occupies one entry.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ ACTIONS_MAX = 1024
 """Actions whose end is awaited; beyond that the oldest one is forgotten."""
 
 CHAINS_MAX = 256
-"""Chains that wait for an action's end; beyond that the oldest is dropped. Each holds up to a whole head."""
+"""Chains that wait for an action's end; beyond that the oldest one is dropped. A chain may be as long as a head."""
 
 
 class Awaited(NamedTuple):
@@ -72,6 +72,21 @@ class UnderWay:
             return None
         del self._actions[serial]
         return Awaited(action, self._chains.pop(serial, ()))
+
+    def awaited(self, serial: int) -> ActionDerived | None:
+        """Return the action of a serial number; None if its end is not awaited."""
+        return self._actions.get(serial)
+
+    def cancel(self, serial: int) -> ActionDerived | None:
+        """Drop the steps that follow an action; return it if this robot executes it and its end is awaited."""
+        action = self._actions.get(serial)
+        if action is None:
+            return None
+        self._chains.pop(serial, None)
+        if action.executor != self._robot:
+            del self._actions[serial]  # it was awaited for its chain alone
+            return None
+        return action
 
     def _make_room(self, now: Instant, chained: bool) -> None:
         """Forget the oldest action, or drop the oldest chain, where another one would be too many."""

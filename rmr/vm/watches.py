@@ -9,7 +9,7 @@ counts at once, as of the later of the start and its insertion. Of temporary fac
 hold, the newest are remembered. A job that restarts asks again, which replaces its watch.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from rmr.base.time import Instant
@@ -35,6 +35,8 @@ class Watch(NamedTuple):
     watcher: Robot
     assertion: int
     patterns: tuple[Pattern, ...]
+    since: Instant
+    """When the job started."""
 
 
 class HeldInterval(NamedTuple):
@@ -58,6 +60,18 @@ class Watches:
         self._dropped = dropped
         self._watches: dict[object, Watch] = {}
         self._recent: dict[int, list[HeldInterval]] = {}
+
+    def take_over(self, old: "Watches", assertions: Sequence[int | None], predicates: Sequence[int | None]) -> None:
+        """Take over the watches of another program, whose assertions and predicates have these new numbers."""
+        for watch in old._watches.values():
+            target = assertions[watch.assertion]
+            if target is not None:
+                key = (watch.watcher, target, key_of(watch.patterns))
+                self._watches[key] = watch._replace(assertion=target)
+        for predicate, recent in old._recent.items():
+            new = predicates[predicate]
+            if new is not None:
+                self._recent[new] = recent
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> Iterator[FinishSeen]:
         """Yield the reports of an inserted fact and end the watches that it matches."""
@@ -87,6 +101,9 @@ class Watches:
             raise ValueError(f"no job of assertion {assertion.name} waits for a fact of this robot")
         patterns = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
         key = (watcher, index, key_of(patterns))
+        known = self._watches.get(key)
+        if known is not None and known.since > since:
+            return None  # requests may overtake each other: the job has restarted since
         self._watches.pop(key, None)  # the watch of an earlier start of the same job
         seen = self._first(assertion.finish.predicate, patterns, since)
         if seen is not None:
@@ -94,7 +111,7 @@ class Watches:
         if len(self._watches) >= WATCHES_MAX:
             del self._watches[next(iter(self._watches))]
             self._dropped.add("watches", WATCHES_MAX, now)
-        self._watches[key] = Watch(Robot(watcher), index, patterns)
+        self._watches[key] = Watch(Robot(watcher), index, patterns, since)
         return None
 
     def _remember(self, predicate: int, fact: HeldInterval) -> None:

@@ -13,6 +13,7 @@ from rmr.vm.engines import Engine, new_machine
 from rmr.vm.job import TimedJob
 from rmr.vm.machine import FIRING_BUDGET
 from rmr.vm.machine_events import (
+    ActionCancelled,
     ActionDerived,
     BoundReached,
     ExpressionFailed,
@@ -23,6 +24,7 @@ from rmr.vm.machine_events import (
     FinishSeen,
     GoalAchieved,
     GoalSent,
+    GoalWithdrawn,
     JobFinished,
     JobMissed,
     JobStarted,
@@ -145,9 +147,11 @@ class Case:
                 return {"sent": "?" + self.text(predicate, args, to)}
             case GoalAchieved(predicate=predicate, args=args):
                 return {"achieved": self.text(predicate, args)}
-            case ActionDerived():
-                line = {"action": self.text(event.predicate, event.args, event.executor), "serial": event.serial}
-                return line if event.origin is None else {**line, "origin": list(event.origin)}
+            case GoalWithdrawn(predicate=predicate, args=args):
+                line = {"withdrawn": self.text(predicate, args)}
+                return line if event.served is None else {**line, "with": self.text(*event.served)}
+            case ActionDerived() | ActionCancelled():
+                return self.action(event)
             case ExpressionFailed(where=where):
                 return {"failed": where}
             case RuleRepeats(rule=rule, firings=firings):
@@ -156,6 +160,13 @@ class Case:
                 return {"bound": what, "most": bound}
             case _:
                 return self.timed(event)
+
+    def action(self, event: ActionDerived | ActionCancelled) -> Line:
+        """Return an event of an action."""
+        if isinstance(event, ActionCancelled):
+            return {"cancelled": event.serial, "with": self.text(*event.served)}
+        line = {"action": self.text(event.predicate, event.args, event.executor), "serial": event.serial}
+        return line if event.origin is None else {**line, "origin": list(event.origin)}
 
     def timed(self, event: VmEvent) -> Line:
         """Return an event of a time assertion."""

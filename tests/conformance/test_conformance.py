@@ -12,9 +12,24 @@ from conformance import Case, as_hex, as_lines
 
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.heads import bodies
+from rmr.bytecode.heads import bodies, items
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Aggregate, Comprehension, Constant, Kind, Mode, Operator, Program, Slot, Steps
+from rmr.bytecode.program import (
+    GOALS_OF,
+    Aggregate,
+    Comprehension,
+    Constant,
+    Duty,
+    Fold,
+    HeadValue,
+    Kind,
+    Mode,
+    Operator,
+    Program,
+    Slot,
+    Steps,
+    When,
+)
 from rmr.lang.compiler import compile_file
 from rmr.vm.engines import Engine
 
@@ -71,7 +86,7 @@ def test_the_machine_leaves_the_trace(source, engine):
 def test_every_case_is_whole_and_nothing_else_is_there():
     kinds = {".rmr", ".json", ".hex", ".jsonl"}
     assert {path.name for path in CASES.iterdir()} == {source.stem + kind for source in SOURCES for kind in kinds}
-    assert 25 <= len(SOURCES) <= 50
+    assert 25 <= len(SOURCES) <= 80
 
 
 def codes(thing: object) -> list[object]:
@@ -87,6 +102,8 @@ def codes(thing: object) -> list[object]:
 
 
 def test_every_construct_has_a_case():
+    read: set[bool] = set()
+    withdrawn: set[bool] = set()
     programs = [decode(octets(source)) for source in SOURCES]
     parts = [part for program in programs for part in codes(program)]
     instructions = {(part.op, part.operand) for part in parts if type(part).__name__ == "Instruction"}
@@ -95,12 +112,22 @@ def test_every_construct_has_a_case():
     assert {part.operator for part in parts if isinstance(part, Aggregate)} == set(Operator)
     assert {part.mode for program in programs for part in atoms(program)} == set(Mode)
     assert {part.kind for program in programs for part in program.predicates} == set(Kind)
-    assert {Comprehension, Aggregate, Steps} <= {type(part) for part in parts}
+    assert {Comprehension, Aggregate, Steps, HeadValue, When} <= {type(part) for part in parts}
+    assert {part.operator for part in parts if isinstance(part, Fold)} == set(Operator)
+    assert {each.best.least for program in programs for each in program.predicates if each.best} == {True, False}
+    assert {each.unordered for program in programs for each in program.predicates} == {True, False}
+    assert any(program.functions for program in programs)
+    for program in programs:
+        tables = {at for at, each in enumerate(program.predicates) if each.name.startswith(GOALS_OF)}
+        read |= {each.predicate in tables for each in atoms(program)}
+        withdrawn |= {each.predicate in tables for rule in program.rules for each in items(rule.head)}
+    assert read == withdrawn == {True, False}
     assertions = [each for program in programs for each in program.assertions]
     assert {each.scheduled for each in assertions} == {True, False}
     assert any(each.robot is not None for each in assertions)
     assert any(isinstance(each.finisher, Constant) for each in assertions)
     assert any(each.finisher != Slot(0) and isinstance(each.finisher, Slot) for each in assertions)
+    assert {each.duty for program in programs for each in program.ensemble} == set(Duty)
     assert any(goal.leads is not None for program in programs for goal in program.goals)
 
 
@@ -110,8 +137,8 @@ def atoms(program: Program) -> list[object]:
 
 
 KINDS_OF_LINE = (
-    *("fired", "inserted", "removed", "sent", "achieved", "action", "failed", "repeats"),
-    *("started", "finished", "missed", "await", "seen", "facts"),
+    *("fired", "inserted", "removed", "sent", "achieved", "withdrawn", "action", "cancelled", "failed"),
+    *("repeats", "started", "finished", "missed", "await", "seen", "facts"),
 )
 
 

@@ -11,13 +11,16 @@ from rmr.eval import column_run, ensemble
 pytestmark = pytest.mark.medium
 
 WALK = """
-type at(robot, int).  type tired(robot, int).  type !east(robot).  type !west(robot).
-at(R, 0).  tired(R, 40).
-?east(@2).
+type at(robot, int).  type tired(robot, int).  type lamp(robot, light).  type !east(robot).  type !west(robot).
+at(R, 0).  tired(R, 40).  lamp(R, off).
+?lamp(@2, on).  ?lamp(@5, broken).
 at(R, X), tired(R, T), T > 0 -o at(R, X + 1), tired(R, T - 1).
 at(R, X), tired(R, T), T > 0 -o at(R, X - 1), tired(R, T - 1).
 $at(R, X), X > 3 -o !east(R).
 $at(R, X), X < -3 -o !west(R).
+lamp(R, off) -o lamp(R, broken).
+lamp(R, off) -o lamp(R, warm).
+lamp(R, warm) -o lamp(R, on).
 """
 ENDLESS = "type s(robot, side). s(R, a). s(R, a) -o s(R, b). s(R, a) -o s(R, c). s(R, _) -o s(R, a)."
 FAILING = "type n(robot, int). n(R, 9223372036854775800). n(R, X) -o n(R, X + 1). $n(R, X), 1 / 0 > X -o !m(R)."

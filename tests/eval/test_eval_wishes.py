@@ -87,7 +87,7 @@ def test_a_topology_of_a_file_decides_who_hears_whom(bench):
         (["--action-time", "x"], "rmr eval: --action-time: 'x' is no duration"),
         (["--loss", "2"], "rmr eval: --loss: a share from 0 to 1"),
         (["--seed", "-1"], "rmr eval: --seed: a whole number from 0"),
-        (["--strategy", "best"], "rmr eval: --strategy: one of random, textual, not 'best'"),
+        (["--strategy", "best"], "rmr eval: --strategy: one of random, textual, deadline, not 'best'"),
         (["--engine", "clips"], "rmr eval: --engine: one of interpreter, generated, columnar, not 'clips'"),
         (["--insert", "2s"], "--insert '2s': '2s' is no time and fact; write '2.5s: online(@3, l1)'"),
         (["--insert", "x: p(@1)"], "--insert 'x: p(@1)': 'x' is no duration"),

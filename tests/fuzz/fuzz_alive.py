@@ -14,7 +14,7 @@ import pytest
 
 from rmr.base.streams import Choices
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.heads import bodies, codes, items
+from rmr.bytecode.heads import bodies, codes, folds, inner, items
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF_SLOT,
@@ -26,6 +26,7 @@ from rmr.bytecode.program import (
     Conjunct,
     Constant,
     Guard,
+    HeadValue,
     Mode,
     Predicate,
     Program,
@@ -33,6 +34,7 @@ from rmr.bytecode.program import (
     Slot,
     Steps,
     Strategy,
+    When,
 )
 from rmr.vm import interpreter, match, once
 from rmr.vm.derive import PlannedRule
@@ -120,8 +122,11 @@ def observed(program: Program, state: int) -> Iterator[Alive]:
 
     def compared(self):
         found = best(self)
-        satisfied = sum(state.candidate is not None for state in self._states)
-        alive.tally["rank decided"] += satisfied > len(found)
+        every = [state.candidate for state in self._states if state.candidate is not None]
+        satisfied = every if found else []
+        alive.tally["rank decided"] += any(each.rank > found[0].candidate.rank for each in satisfied)
+        alike = [each for each in satisfied if each.rank == found[0].candidate.rank]
+        alive.tally["urgency decided"] += len(alike) > len(found)
         alive.tally["first of several"] += len(found) > 1 and self._textual
         return found
 
@@ -164,8 +169,11 @@ def _constructs(rule: Rule, predicates: tuple[Predicate, ...], strategy: Strateg
     found.append("rule that consumes" if taken else "rule that fires once" + " with not" * (len(atoms) > len(positive)))
     for head in rule.head:
         found.append(_head_name(head))
-        if isinstance(head, Comprehension | Aggregate):
-            found += _in_body(head.body, predicates, {SELF_SLOT}, "inner ")
+    for part in inner(rule.head):
+        found += _in_body(part.body, predicates, {SELF_SLOT}, "inner ")
+    for fold in folds(rule.body):
+        found.append(f"fold {fold.operator.name.lower()}")
+        found += _in_body(fold.body, predicates, {SELF_SLOT}, "folded ")
     found += [f"head {type(item).__name__}" for item in items(rule.head)] or ["head of nothing"]
     every = [
         *codes(rule.head),
@@ -186,6 +194,7 @@ def _in_body(body: Sequence[Conjunct], predicates: Sequence[Predicate], bound: s
         declared = predicates[each.predicate]
         slots = [arg.index for arg in each.args if isinstance(arg, Slot)]
         yield f"{where}{declared.kind.name.lower()} {each.mode.name.lower()}"
+        yield from ["best is kept"] * (declared.best is not None)
         yield from [f"{where}same predicate"] * (each.predicate in seen)
         yield from [f"{where}join"] * any(slot in bound for slot in slots)
         yield from [f"{where}variable twice in an atom"] * (
@@ -203,4 +212,5 @@ def _in_body(body: Sequence[Conjunct], predicates: Sequence[Predicate], bound: s
 def _head_name(head: object) -> str:
     if isinstance(head, Aggregate):
         return f"aggregate {head.operator.name.lower()}"
-    return {Comprehension: "comprehension", Steps: "steps"}.get(type(head), "plain head")
+    names = {Comprehension: "comprehension", Steps: "steps", HeadValue: "value of a head", When: "conditional head"}
+    return names.get(type(head), "plain head")

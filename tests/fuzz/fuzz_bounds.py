@@ -26,6 +26,12 @@ SMALL = {
     "ROTOR_MATCHES_MAX": 2,
     "ROTOR_MEMORY_MAX": 2,
     "REPEATS_REPORTED": 2,
+    "RANKING_STEPS": 7,
+    "RANKING_RUNS_MAX": 2,
+    "EDGES_MAX": 12,
+    "CHANGES_MAX": 4,
+    "NESTED_CALLS_MAX": 3,
+    "CALLS_MAX": 9,
 }
 """By name. Not of failures: which are forgotten hangs on how often a match is looked at, an engine's own affair."""
 

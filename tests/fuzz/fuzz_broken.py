@@ -17,6 +17,7 @@ from rmr.vm.goals import Goals
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.interpreter import Interpreter
 from rmr.vm.rotor import Rotor
+from rmr.vm.urgency import UNURGENT, Urgency
 
 Patch = pytest.MonkeyPatch
 Break = Callable[[Patch], None]
@@ -97,6 +98,21 @@ def new_facts_are_not_joined(patch: Patch) -> None:
 
 def ranks_are_ignored(patch: Patch) -> None:
     patch.setattr(Goals, "nearest", lambda self, rule: None)
+
+
+def deadlines_are_ignored(patch: Patch) -> None:
+    patch.setattr(Urgency, "first", lambda self, rule: UNURGENT)
+
+
+def changes_of_jobs_go_unnoticed(patch: Patch) -> None:
+    renew = Urgency.renew
+
+    def forgetting(self, jobs):
+        version = self.version
+        renew(self, jobs)
+        self.version = version
+
+    patch.setattr(Urgency, "renew", forgetting)
 
 
 def the_oldest_door_again(patch: Patch) -> None:
@@ -213,6 +229,8 @@ BREAKS: dict[str, Break] = {
         sums_without_end,
         types_without_doubt,
         gone_facts_are_not_remembered,
+        deadlines_are_ignored,
+        changes_of_jobs_go_unnoticed,
     )
 }
 
@@ -223,6 +241,8 @@ SHOWS = {
     "goals_go_unnoticed": "rank decided",
     "ranks_are_ignored": "rank decided",
     "the_oldest_door_again": "rotor decided",
+    "deadlines_are_ignored": "urgency decided",
+    "changes_of_jobs_go_unnoticed": "urgency decided",
     "the_time_of_the_first_look": "function now",
     "gone_facts_are_not_remembered": "event FinishSeen",
     "stale_rules_in_any_order": "event ExpressionFailed",

@@ -1,8 +1,9 @@
 """The cases of the engines' fuzzer: made from a seed and a number alone, so that each can be repeated.
 
-Most programs are drawn, some of them to search for a goal over a map (`fuzz_search`). Some are compiled: every
-program of the library, the examples and the labs; and some are made from either by putting parts of one in the place
-of parts of another, as long as the verifier accepts it.
+Most programs are drawn, some of them to search for a goal over a map (`fuzz_search`), to serve goals (`fuzz_serving`),
+or with jobs that compete (`fuzz_pressing`). Some are compiled: every program of the library, the examples and the
+labs; and some are made from either by putting parts of one in the place of parts of another, as long as the verifier
+accepts it.
 """
 
 from collections import Counter
@@ -17,8 +18,10 @@ from fuzz_broken import broken
 from fuzz_compare import Case, Difference, Seen, difference, expected
 from fuzz_events import Script
 from fuzz_mutations import parts, restructured
+from fuzz_pressing import pressing
 from fuzz_programs import HOME, Lively
 from fuzz_search import Searching
+from fuzz_serving import serving
 from fuzz_shrink import shrunk
 
 from rmr.bytecode.codec import BytecodeError, decode
@@ -37,7 +40,7 @@ SOURCES = sorted(
     ]
 )
 
-KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2, *["searching"] * 2]
+KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2, *["searching"] * 2, "serving", "pressing"]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
 
@@ -137,7 +140,14 @@ def _mutated(rng: Random) -> Program:
     return one
 
 
-MAKERS = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated, "searching": partial(_drawn, maker=Searching)}
+MAKERS = {
+    "drawn": _drawn,
+    "compiled": _compiled,
+    "mutated": _mutated,
+    "searching": partial(_drawn, maker=Searching),
+    "serving": serving,
+    "pressing": pressing,
+}
 
 
 def batch(seed: int, start: int, stop: int, engine: str, wrong: str | None = None) -> tuple[Counter[str], list[Judged]]:

@@ -35,6 +35,7 @@ SHAPES: dict[Base, list[tuple[tuple[Type, ...], Instruction]]] = {
         *_calls("len len", LIST),
         *_calls("len", STRING),
         *_calls("id", ROBOT),
+        *_calls("index", INTS, INT),
     ],
     Base.FLOAT: [
         *_all([Op.ADD, Op.SUB, Op.MUL, Op.MOD, Op.DIV], FLOAT, FLOAT),
@@ -43,7 +44,8 @@ SHAPES: dict[Base, list[tuple[tuple[Type, ...], Instruction]]] = {
         *_all([Op.FLOAT, Op.FLOAT], INT),
         *_all([Op.NEG], FLOAT),
         *_calls("sqrt sin cos abs", FLOAT),
-        *_calls("atan2 min max", FLOAT, INT),
+        *_calls("atan2 min max hypot", FLOAT, INT),
+        *_calls("exp log", FLOAT),
         *_calls("dist", FLOAT, INT, FLOAT, INT),
     ],
     Base.STRING: _all([Op.ADD], STRING, STRING),
@@ -59,7 +61,12 @@ SHAPES: dict[Base, list[tuple[tuple[Type, ...], Instruction]]] = {
         *_all([Op.FLOAT], INTS),
         *_calls("sort sort", INTS),
         *_calls("rest rest", INTS, INT),
+        *_calls("reverse dedupe", INTS),
+        *_calls("remove", INTS, INT),
+        *_calls("slice", INTS, INT, INT),
+        *_calls("update", INTS, INT, INT),
     ],
+    Base.ROBOT: _calls("robot", INT),
 }
 """By the type of the value: the types of what an instruction takes, and the instruction."""
 

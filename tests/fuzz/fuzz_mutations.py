@@ -13,7 +13,17 @@ from random import Random
 
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.encoder import encode_tables
-from rmr.bytecode.layout import CRC_OFFSET, FLAG_DEBUG, FLAG_TEXTUAL, HEADER, TABLES, assemble, checksum, read_layout
+from rmr.bytecode.layout import (
+    CRC_OFFSET,
+    FLAG_DEBUG,
+    FLAG_ENSEMBLE,
+    FLAG_TEXTUAL,
+    HEADER,
+    TABLES,
+    assemble,
+    checksum,
+    read_layout,
+)
 from rmr.bytecode.octets import BytecodeError, Writer
 from rmr.bytecode.program import (
     Aggregate,
@@ -68,7 +78,7 @@ def random_octets(rng: Random) -> bytes:
     if rng.random() < 0.2:
         return octets
     directory = bytes(rng.choice([0, 0, 1, 2, 5, rng.randrange(256)]) for _ in range(2 * len(TABLES)))
-    return resealed(bytearray(HEADER.pack(b"RMR\x1a", 2, rng.choice([0, 0, 1, 2, 3]), 0, 0) + directory + octets))
+    return resealed(bytearray(HEADER.pack(b"RMR\x1a", 2, rng.choice([0, 0, 1, 2, 3, 4, 7]), 0, 0) + directory + octets))
 
 
 def damaged(rng: Random, data: bytes, other: bytes) -> bytes:
@@ -83,7 +93,7 @@ def damaged_table(rng: Random, data: bytes, other: bytes) -> bytes:
     """Return `data` with the octets of one table damaged, and a directory that fits."""
     layout = read_layout(data)
     tables = {name: (count, data[start:end]) for name, (count, start, end) in layout.tables.items()}
-    name = rng.choice([name for name in TABLES if tables[name][1]] or list(TABLES))
+    name = rng.choice([name for name in tables if tables[name][1]] or list(TABLES))
     octets = bytearray(tables[name][1])
     rng.choice(DAMAGES)(rng, octets, other)
     tables[name] = (max(0, tables[name][0] + rng.choice([0, 0, 0, -1, 1])), bytes(octets))
@@ -193,7 +203,8 @@ UNWRITABLE = (
 def _written(program: Program) -> bytes | None:
     flags = FLAG_TEXTUAL if program.strategy is Strategy.TEXTUAL else 0
     try:
-        return assemble(flags | (FLAG_DEBUG if program.debug else 0), encode_tables(program, debug=True))
+        flags |= (FLAG_DEBUG if program.debug else 0) | (FLAG_ENSEMBLE if program.ensemble else 0)
+        return assemble(flags, encode_tables(program, debug=True))
     except UNWRITABLE:
         return None
 

@@ -10,13 +10,14 @@ from dataclasses import replace
 from random import Random
 
 from fuzz_expressions import compound
-from program_maker import BOOL, CALL, FLOAT, INNER, INT, OPEN, OUTER, RESULT, ROBOT, STRING, Bound, Maker, here
+from program_maker import BOOL, CALL, FLOAT, INNER, INT, OPEN, OUTER, RESULT, ROBOT, SLOTS, STRING, Bound, Maker, here
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 from rmr.bytecode.heads import items
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     ANY,
+    GOALS_OF,
     SELF,
     Aggregate,
     Atom,
@@ -148,11 +149,13 @@ class Lively(Maker):
             Predicate(f"p{i}", kind, tuple(rng.choices(self.types, k=rng.choice(ARITY))))
             for i, kind in enumerate(kinds)
         ]
+        own = list(map(self.with_best, own))
         names = rng.sample(list(PREDICATES), k=int(self.chance(0.1))) + ["id"] * self.chance(0.05)
-        return own + [
+        provided = [
             Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9))
             for name in dict.fromkeys(names)
         ]
+        return self.with_goal_table(own + provided)
 
     def value(self, kind: Type = OPEN, depth: int = 0) -> Value:
         return value_of(self.rng, kind)
@@ -163,6 +166,8 @@ class Lively(Maker):
         fitting = [slot for slot, known in bound.items() if known == kind or self.chance(0.005)]
         if fitting and self.chance(0.75):
             return (Instruction(Op.LOAD, self.rng.choice(fitting)),)
+        if self.own and depth < 2 and self.chance(0.03):
+            return self.applied(lambda wanted: self.code(bound, wanted, depth + 1, now))
         if not depth and kind in (INT, FLOAT) and self.chance(LARGE / 2):
             return self.deep(bound, kind)
         if depth < 2 and self.chance(0.3):
@@ -276,6 +281,8 @@ class Lively(Maker):
 
     def argument(self, bound: Bound, kind: Type) -> Code:
         """The expression of a derived argument; what is said of the time is said anew when time has passed."""
+        if self.drawing and kind in (FLOAT, OPEN) and self.chance(0.1):
+            return (CALL["random"],)
         if kind in (INT, FLOAT, OPEN) and self.chance(0.1):
             return (CALL["now"], CALL["floor"]) if kind is INT else (CALL["now"],)
         return super().argument(bound, kind)
@@ -310,14 +317,17 @@ class Lively(Maker):
             term = (Instruction(Op.CONST, INT_MAX),)
         winning = inner if operator in (Operator.MIN, Operator.MAX) else bound
         result = Type(Base.LIST) if operator is Operator.COLLECT else kind
-        return Aggregate(operator, term, RESULT, new, body, self.item({**winning, RESULT: result}))
+        return Aggregate(operator, term, RESULT, new, body, self.items_of({**winning, RESULT: result}))
+
+    def items_of(self, bound: Bound) -> tuple[Derived, ...]:
+        return tuple(self.item(bound) for _ in range(self.rng.choice([1, 1, 1, 2])))
 
     def rule(self) -> Rule:
         bound = here()
         self.manner = self.rng.choice(list(LINEAR.values()))
         body = self.body(OUTER, bound)
-        heads = tuple(self.head(bound) for _ in range(self.rng.choice([0, 1, 1, 1, 1, 2, 2, 3])))
-        return Rule(12, body, heads)
+        body += self.folds(bound)
+        return Rule(SLOTS, body, self.heads(bound, self.rng.choice([0, 1, 1, 1, 1, 2, 2, 3])))
 
     # ---- the other tables
 
@@ -337,6 +347,17 @@ class Lively(Maker):
         mode = Mode.KEEP if self.bare[index].kind is Kind.TEMPORARY else Mode.READ
         return Atom(index, (ANY,) * len(self.bare[index].types), mode)
 
+    def is_goal_table(self, predicate: int) -> bool:
+        return self.bare[predicate].name.startswith(GOALS_OF)
+
+    def with_goal_table(self, declared: list[Predicate]) -> list[Predicate]:
+        """Some predicates, and perhaps one that stands for the open goals of another."""
+        held = [each for each in declared if each.kind is not Kind.ACTION and not each.provided]
+        if not held or self.chance(0.6):
+            return declared
+        whose = self.rng.choice(held)
+        return [*declared, Predicate(GOALS_OF + whose.name, Kind.SENSED, whose.types)]
+
     def fact(self) -> InitialFact:
         return replace(super().fact(), owner=self.rng.choice([None] * 8 + [HOME, 2]))
 
@@ -351,16 +372,20 @@ class Lively(Maker):
 
     def program(self) -> Program:
         rng = self.rng
+        self.functions()
         size = rng.randint(9, 16) if self.chance(LARGE) else rng.choice([1, 2, 2, 3, 3, 4, 5])
         rules = tuple(self.rule() for _ in range(size))
         assertions = tuple(self.assertion() for _ in range(rng.choice([0, 0, 0, 0, 1, 2])))
+        facts = [self.fact() for _ in range(rng.randint(1, 8))]
+        goals = [self.wanted(rules) for _ in range(rng.choice([0, 0, 1, 1, 2]))]
         program = Program(
             tuple(map(self.complete, self.bare)),
-            tuple(self.fact() for _ in range(rng.randint(1, 8))),
-            tuple(self.wanted(rules) for _ in range(rng.choice([0, 0, 1, 1, 2]))),
+            tuple([each for each in facts if not self.is_goal_table(each.predicate)]),
+            tuple([each for each in goals if not self.is_goal_table(each.predicate)]),
             rules,
             assertions,
             Strategy.TEXTUAL if self.chance(0.35) else Strategy.RANDOM,
             self.debug(len(rules), len(assertions)) if self.chance(0.2) else None,
+            tuple(self.own),
         )
         return with_leads(program) if program.goals and self.chance(0.5) else program

@@ -3,8 +3,9 @@
 from rmr.base.record import record
 from rmr.bytecode.functions import Function, Takes
 from rmr.bytecode.program import Base
+from rmr.lang.analyse.let_lifting import plain_name
 from rmr.lang.analyse.list_types import Lists
-from rmr.lang.analyse.names import Names, meant
+from rmr.lang.analyse.names import Names, declared_type, meant
 from rmr.lang.analyse.solver import Solver
 from rmr.lang.analyse.type_demands import Demands, literal_hint
 from rmr.lang.analyse.types import (
@@ -14,13 +15,26 @@ from rmr.lang.analyse.types import (
     OPEN,
     RESULTS,
     TypeCell,
+    cell_of,
     compatible,
     described,
+    fits,
     literal_cell,
 )
-from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
-from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Unary, Variable
+from rmr.lang.read.syntax import (
+    Binary,
+    Call,
+    Expression,
+    FunctionItem,
+    LetTerm,
+    ListTerm,
+    Literal,
+    TypeName,
+    Unary,
+    Variable,
+)
 
 
 @record
@@ -50,6 +64,22 @@ class TypeScope:
         return self.cells.setdefault(variable.name, TypeCell(OPEN, None))
 
 
+class FunctionCells:
+    """The type variables of a function of the program: one for each parameter, and one for its value."""
+
+    def __init__(self, item: FunctionItem) -> None:
+        self.item = item
+        self.parameters = [_declared(each.type, each.span) for each in item.parameters]
+        self.result = _declared(item.result, item.name.span)
+
+
+def _declared(name: TypeName | None, span: Span) -> TypeCell:
+    """Return the cell of a declared type, or an open one."""
+    if name is None:
+        return TypeCell(OPEN, None)
+    return cell_of(declared_type(name), span, fixed=True)
+
+
 class Expressions:
     """The typing rules applied to the expressions of one program."""
 
@@ -59,6 +89,8 @@ class Expressions:
         self._demands = demands
         self._found = found
         self.lists = Lists(solver, demands, found)
+        self.own = {name: FunctionCells(item) for name, item in names.functions.items()}
+        """Cells of the program's functions."""
         self.cells: dict[Span, TypeCell] = {}
         """Cells of all expressions by place."""
         self.divisions: set[Span] = set()
@@ -77,6 +109,8 @@ class Expressions:
                 cell = self._binary(expression, scope)
             case Call():
                 cell = self._call(expression, scope)
+            case LetTerm():
+                raise AssertionError("a let that was not lifted")
             case ListTerm():
                 items = [self.cell(item, scope) for item in expression.items]
                 rest = None if expression.rest is None else self.cell(expression.rest, scope)
@@ -157,6 +191,8 @@ class Expressions:
 
     def _call(self, call: Call, scope: TypeScope) -> TypeCell:
         name = call.name.text
+        if name in self.own:
+            return self._own(call, self.own[name], scope)
         wanted = _arity(name)
         if wanted is None:
             self._unknown(call)
@@ -172,6 +208,49 @@ class Expressions:
         function = CALLABLE[name]
         return self._plain(function, call, cells) if function.list_at is None else self.lists.call(call, cells)
 
+    def function(self, item: FunctionItem) -> None:
+        """Add the constraints of the definition of a function."""
+        cells = self.own.get(item.name.text)
+        if cells is None or cells.item is not item:
+            return  # wrongly named, or defined twice
+        named = zip(item.parameters, cells.parameters, strict=True)
+        scope = TypeScope({each.variable.name: cell for each, cell in named}, {})
+        value = self.cell(item.body, scope)
+        self._solver.flow(value, cells.result)
+        if isinstance(item.body, Variable | ListTerm):
+            self._solver.fall_back(cells.result, value)
+        self._passed(item.body, value, cells.result, f"`{item.name.text}` gives")
+
+    def _own(self, call: Call, cells: FunctionCells, scope: TypeScope) -> TypeCell:
+        """Return the cell of a call of a function of the program."""
+        name = call.name.text
+        given = [self.cell(argument, scope.using()) for argument in call.arguments]
+        result = TypeCell(OPEN, None)
+        self._solver.flow(cells.result, result)
+        if len(given) != len(cells.parameters):
+            wanted = len(cells.parameters)
+            count = f"{wanted} argument" + ("" if wanted == 1 else "s")
+            message = f"the function `{name}` has {count}, here it is given {len(given)}"
+            notes = (DiagnosticNote(cells.item.name.span, "defined here"),)
+            self._found.report("E011", message, call.span, notes=notes)
+            return result
+        for argument, cell, parameter in zip(call.arguments, given, cells.parameters, strict=True):
+            self._solver.flow(cell, parameter)
+            if isinstance(argument, Variable | ListTerm):
+                self._solver.fall_back(parameter, cell)
+            self._passed(argument, cell, parameter, f"this argument of `{plain_name(name)}` is")
+        return result
+
+    def _passed(self, expression: Expression, cell: TypeCell, target: TypeCell, what: str) -> None:
+        """Demand that the value of an expression can be assigned to a parameter or result."""
+
+        def check() -> None:
+            if not fits(cell.type, target.type):
+                message = f"{what} {described(target.type)}, here it is {described(cell.type)}"
+                self._demands.contradiction(message, expression.span, target, cell)
+
+        self._demands.later(check)
+
     def _plain(self, function: Function, call: Call, cells: list[TypeCell]) -> TypeCell:
         """Return the cell of a call of a function that takes no list."""
         kind = RESULTS[function.gives]
@@ -180,6 +259,8 @@ class Expressions:
             self._solver.flow(cell, result)
             if takes is Takes.ROBOT:
                 self._demands.robot(argument, cell, f"`{function.name}` needs a robot")
+            elif takes is Takes.INT:
+                self._demands.whole(argument, cell, f"`{function.name}` needs an int")
             else:
                 self._demands.number(argument, cell, f"`{function.name}` needs numbers")
         return result
@@ -201,7 +282,7 @@ class Expressions:
 
     def _unknown(self, call: Call) -> None:
         name = call.name.text
-        hint = None if self._found.many else meant(name, [*CALLABLE, "if"])
+        hint = None if self._found.many else meant(name, [*CALLABLE, *self._names.functions, "if"])
         if name in self._names.signatures:
             hint = f"`{name}(...)` is a fact where it stands alone, between commas and without parentheses"
         self._found.report("E015", f"there is no function `{name}`", call.name.span, hint=hint)

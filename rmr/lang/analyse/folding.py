@@ -5,7 +5,7 @@ its types agree: contradictions are reported by inference, which needs the unfol
 value (`1 / 0`, an int beyond 64 bits) stays in place and is recorded.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from rmr.base.record import record
@@ -15,6 +15,7 @@ from rmr.bytecode.functions import Takes
 from rmr.bytecode.functions import call as called
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
+from rmr.lang.analyse.let_lifting import Lifter
 from rmr.lang.analyse.types import (
     BOOL,
     CALLABLE,
@@ -29,7 +30,7 @@ from rmr.lang.analyse.types import (
     value_type,
 )
 from rmr.lang.read.source_text import Span
-from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Unary, Variable
+from rmr.lang.read.syntax import Binary, Call, Expression, LetTerm, ListTerm, Literal, Unary, Variable
 
 INSTRUCTIONS = {
     "+": Op.ADD,
@@ -60,8 +61,13 @@ class Valueless:
 class Folder:
     """Folds expressions under the constants `named`."""
 
-    def __init__(self, named: Mapping[Symbol, Literal]) -> None:
+    def __init__(
+        self, named: Mapping[Symbol, Literal], lifter: Lifter | None = None, own: Collection[str] = ()
+    ) -> None:
+        """`own` are the names of the program's functions, which hide those of the language."""
+        self._own = own
         self._named = named
+        self._lifter = lifter or Lifter()
         self.valueless: list[Valueless] = []
         """Innermost expressions without a value, in the order of the text."""
 
@@ -72,6 +78,9 @@ class Folder:
         if isinstance(expression, Literal):
             named = self._named.get(expression.value) if isinstance(expression.value, Symbol) else None
             return expression if named is None else Literal(named.value, expression.span)
+        if isinstance(expression, LetTerm):
+            values = [(each.variable, self.fold(each.value)) for each in expression.bindings]
+            return self._lifter.lifted(values, self.fold(expression.body), expression.span)
         before = _operands(expression)
         after = [self.fold(each) for each in before]
         if any(one is not other for one, other in zip(before, after, strict=True)):
@@ -80,11 +89,13 @@ class Folder:
         if _divides_by_zero(expression):
             self.valueless.append(Valueless(expression.span, "division by zero", out_of_range=False))
             return expression
-        values = [each.value for each in after if isinstance(each, Literal)]
-        if len(values) < len(after) or not _agrees(expression, values):
+        if isinstance(expression, Call) and expression.name.text in self._own:
+            return expression
+        constants = [each.value for each in after if isinstance(each, Literal)]
+        if len(constants) < len(after) or not _agrees(expression, constants):
             return expression
         try:
-            return Literal(_widened(expression, values), expression.span)
+            return Literal(_widened(expression, constants), expression.span)
         except NoValue as reason:
             self.valueless.append(Valueless(expression.span, str(reason), isinstance(reason, OutOfRange)))
             return expression
@@ -202,7 +213,7 @@ def _function_agrees(name: str, kinds: list[Type]) -> bool:
         condition, then, otherwise = kinds
         return condition == BOOL and compatible(then, otherwise)
     function = CALLABLE.get(name)
-    if function is None or function.timed or len(kinds) != function.arity:
+    if function is None or function.timed or function.drawn or len(kinds) != function.arity:
         return False
     whole = kinds[function.list_at] if function.list_at is not None else OPEN
     return all(_takes(takes, kind, whole) for takes, kind in zip(function.takes, kinds, strict=True))
@@ -221,7 +232,7 @@ def _takes(takes: Takes, kind: Type, whole: Type) -> bool:
             return kind.base in {Base.LIST, Base.STRING}
         case Takes.SORTABLE_LIST:
             return kind.base is Base.LIST and kind.element is not None and kind.element.base in SORTED
-        case Takes.POSITION:
+        case Takes.POSITION | Takes.INT:
             return kind == INT
         case Takes.ITEM:
             return _is_item(kind, whole)

@@ -37,12 +37,15 @@ from rmr.lang.read.syntax import (
     AggregateNode,
     AssertionItem,
     Binary,
+    ChoiceNode,
     ComprehensionNode,
     Condition,
     Conjunct,
     Expression,
     FactItem,
     FactNode,
+    FoldNode,
+    FunctionItem,
     GoalItem,
     HeadItem,
     ListTerm,
@@ -124,6 +127,8 @@ class Inference:
                     self._head(part, scope)
             case AssertionItem():
                 self._assertion(item)
+            case FunctionItem():
+                self._expressions.function(item)
             case _:
                 pass
 
@@ -171,6 +176,10 @@ class Inference:
                     self._derived(fact, inner)
             case AggregateNode():
                 self._aggregate(part, scope)
+            case ChoiceNode(condition=condition, then=then, otherwise=otherwise):
+                self._demands.truth(condition, self._expressions.cell(condition, scope.using()), "`if` needs a Boolean")
+                for each in (*then, *otherwise):
+                    self._head(each, scope)
 
     def _body(self, body: tuple[Conjunct, ...], scope: TypeScope) -> None:
         for name, constant in constants(body).items():
@@ -183,6 +192,12 @@ class Inference:
             if isinstance(conjunct, Condition):
                 cell = self._expressions.cell(conjunct.expression, reading)
                 self._demands.truth(conjunct.expression, cell, "a condition is a Boolean")
+            elif isinstance(conjunct, FoldNode):
+                inner = reading.inner()
+                self._body(conjunct.body, inner)
+                value = self._gathered(conjunct, inner)
+                if conjunct.result is not None:
+                    self._solver.flow(value, scope.variable(conjunct.result))
             else:
                 self._matched(conjunct, reading)
 
@@ -194,9 +209,10 @@ class Inference:
         result = self._gathered(part, inner)
         head = (inner if part.operator.text in WINNING else scope).inner()
         head.cells[part.result.name] = result
-        self._derived(part.head, head)
+        for fact in part.head:
+            self._derived(fact, head)
 
-    def _gathered(self, part: AggregateNode, inner: TypeScope) -> TypeCell:
+    def _gathered(self, part: AggregateNode | FoldNode, inner: TypeScope) -> TypeCell:
         """Return the cell of an aggregate's result."""
         operator = part.operator.text
         term = part.term
@@ -215,7 +231,9 @@ class Inference:
             hint = "`count` counts matches, `collect` lists values"
             self._demands.number(term, each, "`sum` adds numbers", hint)
         elif term is not None and operator in WINNING:
-            example = f"[{operator} id(B) => {part.result.name} | ..."
+            example = f"{operator}(id(B), ...)"
+            if isinstance(part, AggregateNode):
+                example = f"[{operator} id(B) => {part.result.name} | ..."
             self._demands.later(lambda: self._demands.order_now(f"`{operator}`", example, (term, each)))
         return result
 

@@ -126,7 +126,7 @@ class _Reader:
                 case FactNode(name=Name(text=name)) | Call(name=Name(text=name)) if name in GATHERING:
                     if self._is_declared(name):
                         continue
-                    hint = f"aggregates stand in heads, between brackets: `{GATHERING[name]}`"
+                    hint = f"in a head aggregates stand between brackets: `{GATHERING[name]}`"
                     self._found.report("E015", f"there is no function `{name}`", node.name.span, hint=hint)
                     return True
                 case ListTerm(items=[Literal(value=Symbol() as value)], rest=Call(name=called)) if (

@@ -14,7 +14,7 @@ from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
 from rmr.lang.analyse.type_spelling import declaration_text
-from rmr.lang.analyse.types import CALLABLE, Types, constants, leaves
+from rmr.lang.analyse.types import CALLABLE, WINNING, Types, constants, leaves
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
     AggregateNode,
@@ -25,6 +25,7 @@ from rmr.lang.read.syntax import (
     Conjunct,
     Expression,
     FactNode,
+    FoldNode,
     GoalItem,
     Item,
     Literal,
@@ -33,6 +34,7 @@ from rmr.lang.read.syntax import (
     RuleItem,
     TypeDeclaration,
     Variable,
+    flat,
     walk,
 )
 
@@ -124,7 +126,7 @@ class _Lint:
                 case RuleItem():
                     for body, what in _bodies(item):
                         for fact in body:
-                            if isinstance(fact, FactNode) and not fact.absent:
+                            if isinstance(fact, FactNode) and not fact.absent and fact.mark is not Mark.GOAL:
                                 self._never(fact, what)
                 case GoalItem(fact=fact):
                     self._unreachable(fact, {})
@@ -274,7 +276,10 @@ class _Lint:
 def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
     """Yield a rule's bodies, each with the consequence for a message if nothing matches it."""
     yield rule.body, NO_FIRING
-    for part in rule.head:
+    for each in rule.body:
+        if isinstance(each, FoldNode) and each.operator.text in WINNING:
+            yield each.body, NO_FIRING
+    for part in flat(rule.head):
         match part:
             case ComprehensionNode(body=body):
                 yield body, "the comprehension derives nothing"

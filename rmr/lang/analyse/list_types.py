@@ -125,6 +125,12 @@ class Lists:
                 self._solver.fall_back(items, cell)
         if function.gives in RESULTS:
             return TypeCell(RESULTS[function.gives], call.span, fixed=True)
+        if function.gives is Gives.WIDER_LIST:
+            # Its items are a join of their own: an int put among floats is still an int and needs a conversion.
+            joined = TypeCell(OPEN, None, depth=1)
+            self._solver.flow(items, joined)
+            self._solver.flow(cells[function.takes.index(Takes.ITEM)], joined)
+            return TypeCell(LIST, call.span, items=joined)
         result = TypeCell(OPEN, None)
         self._solver.flow(items if function.gives is Gives.ITEM else whole, result)
         return result
@@ -153,7 +159,9 @@ class Lists:
                 hint = "`floor(X)` is an int" if cell.kind.base is Base.FLOAT else None
                 self._demands.wrong(f"`{function.name}` counts with an int, from 0", argument, cell, hint=hint)
             case Takes.ITEM if not compatible(Type(Base.LIST, element=cell.type), whole.type):
-                message = f"`{function.name}` looks for {described(cell.type)} in {described(whole.type)}"
+                verb = "puts" if function.gives is Gives.WIDER_LIST else "looks for"
+                place = "into" if function.gives is Gives.WIDER_LIST else "in"
+                message = f"`{function.name}` {verb} {described(cell.type)} {place} {described(whole.type)}"
                 self._demands.contradiction(message, call.span, cell, whole)
             case Takes.SORTABLE_LIST if cell.items is not None and cell.items.kind.base not in SORTED:
                 self._demands.wrong(f"`{function.name}` needs items that have an order", argument, cell)

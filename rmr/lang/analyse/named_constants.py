@@ -10,11 +10,13 @@ from typing import Any
 
 from rmr.base.values import Symbol
 from rmr.lang.analyse.folding import Folder, Valueless
+from rmr.lang.analyse.let_lifting import Lifter
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.syntax import (
     ConstantItem,
     Expression,
     FactItem,
+    FunctionItem,
     GoalItem,
     Item,
     Literal,
@@ -33,13 +35,15 @@ def resolve(module: ModuleNode, found: Diagnostics) -> ModuleNode:
 
     A stated fact or goal with an argument without a value is dropped, and its name counts as broken.
     """
+    lifter = Lifter()
+    own = frozenset(item.name.text for item in module.items if isinstance(item, FunctionItem))
     values = _defined(module, found)
     items: list[Item] = []
     broken = set(module.broken)
     for item in module.items:
         if isinstance(item, ConstantItem):
             continue
-        folder = Folder(values)
+        folder = Folder(values, lifter, own)
         resolved = _mapped(item, folder)
         if isinstance(item, FactItem | GoalItem) and folder.valueless:
             broken.add(item.fact.name.text)
@@ -49,6 +53,7 @@ def resolve(module: ModuleNode, found: Diagnostics) -> ModuleNode:
         for each in folder.valueless:
             hint = "a match that needs it does not count"
             found.report("W110", f"this never has a value: {each.reason}", each.span, hint=hint)
+    items += lifter.functions
     return replace(module, items=tuple(items), broken=frozenset(broken))
 
 

@@ -12,8 +12,9 @@ from types import MappingProxyType
 
 from rmr.base.record import record
 from rmr.bytecode import provided
-from rmr.bytecode.program import Base, Kind, Type
+from rmr.bytecode.program import Base, Best, Kind, Type
 from rmr.lang.analyse.type_spelling import declaration_text
+from rmr.lang.analyse.types import DRAWN, ORDERED, TIMED
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -25,15 +26,18 @@ from rmr.lang.read.syntax import (
     Declared,
     FactItem,
     FactNode,
+    FoldNode,
+    FunctionItem,
     GoalItem,
-    HeadItem,
     Item,
     Mark,
     ModuleNode,
+    PlainHeadItem,
     RuleItem,
     StepsNode,
     TypeDeclaration,
     TypeName,
+    flat,
 )
 
 CANDIDATES_MAX = 500
@@ -89,6 +93,8 @@ class Signature:
     provided: bool = False
     types: tuple[Type, ...] = ()
     """Types of the arguments after the owner, declared or provided; OPEN where inference decides."""
+    best: Best | None = None
+    """Which of several facts is kept; None: all."""
     banged: Span | None = None
     """The use whose `!` makes an undeclared predicate persistent."""
 
@@ -105,6 +111,8 @@ class Names:
     signatures: dict[str, Signature] = field(default_factory=dict)
     uses: list[Use] = field(default_factory=list)
     given: Given = field(default_factory=lambda: NOTHING_GIVEN)
+    functions: dict[str, FunctionItem] = field(default_factory=dict)
+    """The program's own functions."""
 
     def of(self, fact: FactNode) -> Signature:
         """Return the signature of the predicate or action that `fact` names; each name in the program has one."""
@@ -153,7 +161,7 @@ def uses(item: Item) -> Iterator[Use]:
                 yield Use(fact, FactRole.EFFECT)
         case RuleItem():
             yield from _body_uses(item.body)
-            for part in item.head:
+            for part in flat(item.head):
                 yield from _head_uses(part)
         case AssertionItem():
             yield Use(item.start, FactRole.START)
@@ -165,11 +173,13 @@ def uses(item: Item) -> Iterator[Use]:
 
 def _body_uses(body: tuple[Conjunct, ...]) -> Iterator[Use]:
     for conjunct in body:
-        if not isinstance(conjunct, Condition):
+        if isinstance(conjunct, FoldNode):
+            yield from _body_uses(conjunct.body)
+        elif not isinstance(conjunct, Condition):
             yield Use(conjunct, FactRole.BODY)
 
 
-def _head_uses(part: HeadItem) -> Iterator[Use]:
+def _head_uses(part: PlainHeadItem) -> Iterator[Use]:
     match part:
         case FactNode():
             yield Use(part, FactRole.HEAD)
@@ -182,7 +192,8 @@ def _head_uses(part: HeadItem) -> Iterator[Use]:
                 yield Use(fact, FactRole.HEAD)
         case AggregateNode():
             yield from _body_uses(part.body)
-            yield Use(part.head, FactRole.HEAD)
+            for fact in part.head:
+                yield Use(fact, FactRole.HEAD)
 
 
 # ---- signatures
@@ -210,12 +221,14 @@ def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN
     for item in module.items:
         if isinstance(item, TypeDeclaration):
             _declare(item, names, found)
+        elif isinstance(item, FunctionItem):
+            _define(item, names, found)
     for name, group in _undeclared(names).items():
         names.signatures[name] = _infer(name, group, given.get(name, False))
     for use in names.uses:
         # The declaration of a name in `broken` may be among the lost text: an inferred signature proves nothing.
         if use.fact.name.text not in module.broken or names.of(use.fact).declaration is not None:
-            _check_use(use, names.of(use.fact), found)
+            _check_use(use, names, found)
     return names
 
 
@@ -230,15 +243,53 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
         what = "executor" if item.kind is Declared.ACTION else "owner"
         message = f"the first argument of `{name}` is its {what}, a robot"
         found.report("E021", message, span, hint=f"`{name}(robot, ...)`")
+    if item.kind is Declared.SENSED and item.unordered is not None:
+        message = f"`{name}` is a sensed fact; each robot senses its own, none is sent"
+        found.report("E012", message, item.unordered, hint="drop `unordered`")
     types = tuple(declared_type(parameter.type) for parameter in item.parameters[1:])
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
     signature.provided = provided.is_provided(name, signature.kind, signature.types)
+    signature.best = _best(item, found)
     names.signatures[name] = signature
     action = provided.ACTIONS.get(name) if item.kind is Declared.ACTION else None
     if action is not None and not _same_shape(types, action.types):
         message = f"the action `{name}` is provided with other arguments"
         hint = declaration_text(name, action.types, "action ")
         found.report("E014", message, item.span, hint=f"`{hint}`")
+
+
+def _best(item: TypeDeclaration, found: Diagnostics) -> Best | None:
+    """Return which facts of a declared predicate are kept, if not all."""
+    marked = [(place, each) for place, each in enumerate(item.parameters) if each.extreme]
+    for place, each in marked:
+        word = each.extreme
+        if item.kind is not Declared.PERSISTENT:
+            hint = f"declare `type !{item.name.text}(...)`"
+            message = f"`{word}` keeps the best of persistent facts; `{item.name.text}` is {item.kind.value}"
+            found.report("E012", message, each.span, hint=hint)
+        elif place == 0 or declared_type(each.type).base not in ORDERED - {Base.OPEN}:
+            hint = "an argument behind the owner: an int, a float or a string"
+            found.report("E020", f"`{word}` compares numbers or strings", each.span, hint=hint)
+        elif place != marked[0][0]:
+            notes = (DiagnosticNote(marked[0][1].span, "here"),)
+            found.report("E010", "the best is kept by one argument only", each.span, notes=notes)
+        else:
+            return Best(place - 1, word == "min")
+    return None
+
+
+def _define(item: FunctionItem, names: Names, found: Diagnostics) -> None:
+    """Add a function of the program."""
+    name = item.name.text
+    earlier = names.functions.get(name)
+    if name in TIMED | DRAWN or name == "if":
+        message = f"`{name}` is a function of the language that no other one replaces"
+        found.report("E010", message, item.name.span, hint="choose another name")
+    elif earlier is not None:
+        notes = (DiagnosticNote(earlier.name.span, "first defined here"),)
+        found.report("E010", f"the function `{name}` is defined twice", item.name.span, notes=notes)
+    else:
+        names.functions[name] = item
 
 
 def _same_shape(one: tuple[Type, ...], other: tuple[Type, ...]) -> bool:
@@ -280,9 +331,14 @@ def _open(arity: int) -> tuple[Type, ...]:
 # ---- checks of uses against signatures
 
 
-def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
+def _check_use(use: Use, names: Names, found: Diagnostics) -> None:
+    signature = names.of(use.fact)
     fact = use.fact
     name = use.fact.name.text
+    if name in names.functions:
+        defined = DiagnosticNote(names.functions[name].name.span, "defined here")
+        found.report("E012", f"`{name}` is a function, not a fact", fact.span, notes=(defined,))
+        return
     notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _place_note(signature)),)
     given = len(fact.arguments)
     if given == 0:
@@ -332,10 +388,7 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...
     if kind is Kind.ACTION:
         _check_action_use(use, signature, notes, found)
         return
-    if fact.mark is Mark.GOAL and use.role is FactRole.BODY:
-        hint = "a goal is wanted, not held: a rule that leads to it is preferred by itself"
-        found.report("E012", "no body reads a goal", fact.span, hint=hint)
-    elif fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
+    if fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
         hint = f"drop the `!`, or declare `type !{name}(...)`"
         hint += f"; that there is none is `not {name}(...)`" if use.role is FactRole.BODY else ""
         found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)

@@ -31,6 +31,7 @@ from rmr.lang.read.syntax import (
     RuleItem,
     StepsNode,
     Variable,
+    flat,
     walk,
 )
 
@@ -94,7 +95,7 @@ def _consumers(rules: list[RuleItem], names: Names) -> dict[str, int]:
     """Return by predicate the number of conjuncts of the program that consume a fact of it."""
     counts: dict[str, int] = {}
     for rule in rules:
-        inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
+        inner = [part.body for part in flat(rule.head) if isinstance(part, ComprehensionNode | AggregateNode)]
         for body in (rule.body, *inner):
             for fact in body:
                 if isinstance(fact, FactNode) and _is_used_up(fact, names):
@@ -103,7 +104,7 @@ def _consumers(rules: list[RuleItem], names: Names) -> dict[str, int]:
 
 
 def _is_used_up(fact: FactNode, names: Names) -> bool:
-    return not fact.absent and fact.mark is not Mark.KEEP and names.of(fact).kind is Kind.TEMPORARY
+    return not fact.absent and fact.mark not in (Mark.KEEP, Mark.GOAL) and names.of(fact).kind is Kind.TEMPORARY
 
 
 def _firing(rule: RuleItem, names: Names) -> _Firing:
@@ -151,7 +152,7 @@ def _derived(rule: RuleItem) -> Iterator[FactNode]:
 def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
     """Whether the rule derives every fact that it consumes, and its other conditions stay true."""
     # A derived fact might make a `not` of the body false.
-    if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
+    if any(isinstance(each, FactNode) and (each.absent or each.mark is Mark.GOAL) for each in firing.rule.body):
         return False
     # Each derived fact satisfies one pattern only: a body that uses up two facts needs two again.
     left = {name: list(facts) for name, facts in firing.derived.items()}
@@ -250,7 +251,7 @@ def _cycles(passing: dict[str, tuple[str, FactNode, RuleItem]], found: Diagnosti
 
 def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
     """Report a rule that consumes nothing and derives a new match of its own body."""
-    if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
+    if any(isinstance(each, FactNode) and (each.absent or each.mark is Mark.GOAL) for each in firing.rule.body):
         return
     for fact in firing.kept:
         for derived in firing.derived.get(fact.name.text, ()):

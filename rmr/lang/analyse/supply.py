@@ -19,13 +19,14 @@ from rmr.lang.read.syntax import (
     Conjunct,
     Expression,
     FactNode,
-    HeadItem,
     Literal,
     Mark,
     ModuleNode,
+    PlainHeadItem,
     RuleItem,
     StepsNode,
     Variable,
+    flat,
 )
 
 COMPARED_MAX = 300_000
@@ -226,8 +227,9 @@ def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> FactNode:
 
 def _firings(rule: RuleItem) -> Iterator[Firing]:
     premises = list(_premises(rule.body))
-    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, FactNode | StepsNode))), set())
-    for part in rule.head:
+    plain = [part for part in flat(rule.head) if isinstance(part, FactNode | StepsNode)]
+    yield Firing(premises, tuple(_names(plain)), set())
+    for part in flat(rule.head):
         match part:
             case ComprehensionNode(body=body):
                 yield Firing([*premises, *_premises(body)], tuple(_names([part])), set())
@@ -240,19 +242,17 @@ def _firings(rule: RuleItem) -> Iterator[Firing]:
 
 
 def _premises(body: tuple[Conjunct, ...]) -> Iterator[FactNode]:
-    return (each for each in body if isinstance(each, FactNode) and not each.absent)
+    return (each for each in body if isinstance(each, FactNode) and not each.absent and each.mark is not Mark.GOAL)
 
 
-def _names(head: Iterable[HeadItem]) -> Iterator[str]:
+def _names(head: Iterable[PlainHeadItem]) -> Iterator[str]:
     """Yield the predicates of the facts that parts of a head derive, goals excluded."""
     for part in head:
         match part:
             case FactNode():
                 facts: tuple[FactNode, ...] = (part,)
-            case StepsNode(derived=facts) | ComprehensionNode(head=facts):
+            case StepsNode(derived=facts) | ComprehensionNode(head=facts) | AggregateNode(head=facts):
                 pass
-            case AggregateNode(head=fact):
-                facts = (fact,)
         yield from (fact.name.text for fact in facts if fact.mark is not Mark.GOAL)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.type_spelling import SYNONYMS, type_text
-from rmr.lang.analyse.types import BOOL, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described
+from rmr.lang.analyse.types import BOOL, INT, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described, fits
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Expression, Literal
@@ -109,6 +109,16 @@ class Demands:
             if isinstance(expression, Literal) and isinstance(expression.value, Symbol):
                 hint = f"a fact names its owner: `{expression.value}(R)`"
             self.wrong(message, expression, cell, code="E022", hint=hint)
+
+        self.later(check)
+
+    def whole(self, expression: Expression, cell: TypeCell, message: str) -> None:
+        """Demand an int."""
+
+        def check() -> None:
+            if not fits(cell.type, INT):
+                hint = "`floor(X)` is an int" if cell.kind.base is Base.FLOAT else None
+                self.wrong(message, expression, cell, hint=hint)
 
         self.later(check)
 

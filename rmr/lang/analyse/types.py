@@ -13,7 +13,7 @@ from rmr.bytecode.functions import FUNCTIONS, Gives
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.read.source_text import Span
-from rmr.lang.read.syntax import Binary, Condition, Conjunct, Expression, Literal, Variable
+from rmr.lang.read.syntax import Binary, Condition, Conjunct, Expression, FactNode, FoldNode, Literal, Variable
 
 OPEN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)
@@ -96,7 +96,10 @@ CALLABLE = {function.name: function for function in FUNCTIONS if not function.in
 TIMED = frozenset(function.name for function in CALLABLE.values() if function.timed)
 """The callable functions whose value depends on the time."""
 
-RESULTS = {Gives.NUMBER: OPEN, Gives.INT: INT, Gives.FLOAT: FLOAT, Gives.BOOL: BOOL}
+DRAWN = frozenset(function.name for function in CALLABLE.values() if function.drawn)
+"""The callable functions that give another number at each call."""
+
+RESULTS = {Gives.NUMBER: OPEN, Gives.INT: INT, Gives.FLOAT: FLOAT, Gives.BOOL: BOOL, Gives.ROBOT: ROBOT}
 """Result types of functions without a list argument; OPEN stands for the join of the arguments' types."""
 
 WINNING = ("min", "max")
@@ -175,7 +178,7 @@ def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
     return frozenset(
         argument.name
         for conjunct in body
-        if not isinstance(conjunct, Condition) and not conjunct.absent
+        if isinstance(conjunct, FactNode) and not conjunct.absent
         for argument in conjunct.arguments
         if isinstance(argument, Variable) and not argument.anonymous
     )
@@ -184,9 +187,11 @@ def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
 def constants(body: tuple[Conjunct, ...]) -> dict[str, Literal]:
     """Return the variables that `body` equates with a constant, each with its first such constant."""
     found: dict[str, Literal] = {}
+    computed = {each.result.name for each in body if isinstance(each, FoldNode) and each.result is not None}
     for conjunct in body:
         equation = equation_of(conjunct)
-        if equation is not None:
+        # An aggregate computes its value: the equation with a constant is a test of it.
+        if equation is not None and equation[0] not in computed:
             found.setdefault(*equation)
     return found
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from rmr.lang.compiler import Compilation
 from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
 from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
+from rmr.lang.explain.explained_ensemble import ExplainedEnsemble, explain_ensemble
 from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer
 from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
 from rmr.lang.explain.texts import PredicateNames, Texts, environments
@@ -26,6 +27,8 @@ class Explanation:
     assertions: tuple[ExplainedAssertion, ...]
     rules: tuple[ExplainedRule, ...]
     """Rules in the order of the program; other parts refer to a rule by its index here."""
+    ensemble: tuple[ExplainedEnsemble, ...]
+    """Rules over several robots; what each becomes is among `rules`, marked."""
     columns: ExplainedColumns
 
 
@@ -46,5 +49,6 @@ def explain(compilation: Compilation) -> Explanation | None:
         goals=tuple([goals.explain(*each) for each in zip(stated, program.goals, strict=True)]),
         assertions=tuple([assertions.explain(*each) for each in watched]),
         rules=tuple([rules.explain(each) for each in checked.rules]),
+        ensemble=tuple([explain_ensemble(each, texts) for each in checked.ensemble.plans]),
         columns=explain_columns(program),
     )

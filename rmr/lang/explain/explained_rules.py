@@ -1,4 +1,4 @@
-"""What each rule needs, what it derives, and what it sends to whom."""
+"""Explanation of rules: what each one needs, derives and sends to other robots."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -15,11 +15,13 @@ from rmr.lang.read.syntax import (
     Conjunct,
     Expression,
     FactNode,
-    HeadItem,
+    FoldNode,
     Literal,
     Mark,
+    PlainHeadItem,
     StepsNode,
     Variable,
+    flat,
 )
 
 Constants = dict[str, Literal]
@@ -34,7 +36,7 @@ _MOST = {Base.ROBOT: 3, Base.INT: 9, Base.FLOAT: 9, Base.BOOL: 1, Base.SYMBOL: 3
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What a body matches, in the order of the text."""
+    """The facts and conditions of a body, in the order of the text."""
 
     consumes: tuple[str, ...]
     keeps: tuple[str, ...]
@@ -83,6 +85,8 @@ class ExplainedRule:
     """The robot that runs it: a variable for every robot, or a robot."""
     needs: Needs
     head: tuple[ExplainedPart, ...]
+    part: bool
+    """Whether the compiler has made it of a rule over several robots, whose text it has; then nothing more is said."""
 
 
 class RuleExplainer:
@@ -91,6 +95,7 @@ class RuleExplainer:
     def __init__(self, checked: Checked, texts: Texts) -> None:
         self._checked = checked
         self._texts = texts
+        self._joint = {plan.rule.span for plan in checked.ensemble.plans}
 
     def explain(self, projected: Projected) -> ExplainedRule:
         """Return what a rule needs and derives."""
@@ -98,12 +103,14 @@ class RuleExplainer:
         home = next(each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent)
         assert home is not None
         known = projected.environment.constants
+        part = rule.span in self._joint
         return ExplainedRule(
             place=self._texts.spot(rule.span),
             text=self._texts.line(rule.span),
-            home=self._texts.line(home.span),
-            needs=self._needs(rule.body),
-            head=tuple([self._part(part, home, known) for part in rule.head]),
+            home="" if part else self._texts.line(home.span),
+            needs=self._needs(() if part else rule.body),
+            head=() if part else tuple([self._part(each, home, known) for each in flat(rule.head)]),
+            part=part,
         )
 
     def _needs(self, body: Iterable[Conjunct]) -> Needs:
@@ -113,15 +120,15 @@ class RuleExplainer:
         return Needs(**{use: tuple(texts) for use, texts in said.items()})
 
     def _use(self, conjunct: Conjunct) -> str:
-        if isinstance(conjunct, Condition):
+        if isinstance(conjunct, Condition | FoldNode):
             return "conditions"
         if conjunct.absent:
             return "absent"
-        if self._checked.names.of(conjunct).kind is not Kind.TEMPORARY:
+        if self._checked.names.of(conjunct).kind is not Kind.TEMPORARY or conjunct.mark is Mark.GOAL:
             return "reads"
         return "keeps" if conjunct.mark is Mark.KEEP else "consumes"
 
-    def _part(self, part: HeadItem, home: Expression, known: Constants) -> ExplainedPart:
+    def _part(self, part: PlainHeadItem, home: Expression, known: Constants) -> ExplainedPart:
         match part:
             case FactNode():
                 return ExplainedPart("item", None, self._all((part,), home, known))
@@ -129,8 +136,8 @@ class RuleExplainer:
                 return ExplainedPart("steps", None, self._all(facts, home, known))
             case ComprehensionNode(body=body, head=facts):
                 return ExplainedPart("comprehension", self._needs(body), self._all(facts, home, known))
-            case AggregateNode(operator=operator, body=body, head=fact):
-                return ExplainedPart(operator.text, self._needs(body), self._all((fact,), home, known))
+            case AggregateNode(operator=operator, body=body, head=facts):
+                return ExplainedPart(operator.text, self._needs(body), self._all(facts, home, known))
 
     def _all(self, facts: Iterable[FactNode], home: Expression, known: Constants) -> tuple[ExplainedDerivation, ...]:
         return tuple([each for fact in facts for each in self._derived(fact, home, known)])
@@ -141,6 +148,9 @@ class RuleExplainer:
         action = self._checked.names.of(fact).kind is Kind.ACTION
         what = "action" if action else "goal" if fact.mark is Mark.GOAL else "fact"
         text = self._texts.line(fact.span)
+        if fact.absent:
+            what = "withdrawal"
+            text = text.removeprefix("not").lstrip()
         if _is_same(owner, home):
             yield ExplainedDerivation(what, text, None, None, None, None, None)
         else:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from rmr.lang.explain import Explanation
 from rmr.lang.explain.explained_assertions import ExplainedAssertion, Origin, ServingAction
+from rmr.lang.explain.explained_ensemble import ExplainedEnsemble
 from rmr.lang.explain.explained_goals import ExplainedGoal, LeadingRule
 from rmr.lang.explain.explained_rules import ExplainedDerivation, ExplainedPart, ExplainedRule, Needs
 from rmr.lang.explain.texts import Spot
@@ -31,10 +32,14 @@ LABEL = 11
 
 GOALS = """\
 GOALS. The rank of a rule: how many further firings lead from it to the goal. The lowest goes first.
-At best: it depends on the match, or on the robot."""
+At best: it depends on the match, on the robot, or on the facts that hold then: the shortest way over them."""
 ASSERTIONS = "TIME ASSERTIONS. The actions that serve one are held back until it is the robot's turn."
 COLUMNS = "COLUMNS. Whether `rmr eval --engine columnar` takes all robots at once."
 RULES = "RULES. What they need, what comes of it, and what is sent to whom, with the octets that its values take."
+
+ENSEMBLE = """\
+RULES OVER SEVERAL ROBOTS. Where they run, what they ask of whom, and the frames of a firing without loss and
+acknowledgements."""
 
 
 def show(explanation: Explanation) -> str:
@@ -49,12 +54,18 @@ class _Shown:
     def lines(self) -> Iterator[str]:
         """Yield the lines of all sections."""
         explanation = self._explanation
-        counts = ((explanation.rules, "rule"), (explanation.goals, "goal"), (explanation.assertions, "time assertion"))
+        written = [each for each in explanation.rules if not each.part]
+        counts = (
+            ([*written, *explanation.ensemble], "rule"),
+            (explanation.goals, "goal"),
+            (explanation.assertions, "time assertion"),
+        )
         yield f"{explanation.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
         for title, entries in (
             (GOALS, [self._goal(each) for each in explanation.goals]),
             (ASSERTIONS, [self._assertion(each) for each in explanation.assertions]),
-            (RULES, [self._rule(each) for each in explanation.rules]),
+            (RULES, [self._rule(each) for each in written]),
+            (ENSEMBLE, [self._ensemble(each) for each in explanation.ensemble]),
         ):
             if entries:
                 yield from ("", title)
@@ -142,6 +153,24 @@ class _Shown:
         if not rule.head:
             yield _entry("derives", "nothing")
 
+    def _ensemble(self, rule: ExplainedEnsemble) -> Iterator[str]:
+        yield f"  {_place(rule.place)}  {_cut(rule.text, TEXT_SHOWN_MAX)}"
+        yield _entry("home", rule.home)
+        for remote in rule.remotes:
+            how = "tells once what matches" if remote.told else "decides about an offer of"
+            yield _entry("asks", f"{remote.robot}, which {how} {', '.join(remote.facts)}")
+            if remote.why:
+                yield _entry("", f"not told: {remote.why}")
+            if remote.inverted:
+                yield _entry("", f"{remote.robot} knows the home by {remote.link}")
+            elif remote.link is not None:
+                yield _entry("", f"known by {remote.link}")
+        costs = [f"{rule.frames} a firing"] if rule.frames else []
+        costs += [f"{rule.frames_told} for each match that is told"] if rule.frames_told else []
+        yield _entry("frames", ", ".join(costs))
+        for who, why in rule.not_home:
+            yield _entry("not home", f"{who}: {why}")
+
     def _at(self, rule: int) -> str:
         return _place(self._explanation.rules[rule].place)
 
@@ -179,7 +208,9 @@ def _part(part: ExplainedPart) -> Iterator[str]:
         if each.to is not None:
             yield _entry("sends", _sent(each))
         elif part.form != "steps":
-            yield _entry({"goal": "wants", "action": "does"}.get(each.what, "derives"), each.text)
+            yield _entry(
+                {"goal": "wants", "action": "does", "withdrawal": "withdraws"}.get(each.what, "derives"), each.text
+            )
 
 
 def _sent(derived: ExplainedDerivation) -> str:

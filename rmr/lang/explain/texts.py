@@ -7,7 +7,7 @@ from rmr.analysis.backward_chaining import Patterns
 from rmr.base.values import format_value
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
 from rmr.lang.format import one_line
-from rmr.lang.lower.robot_rules import Environment, Projected, RobotAggregate, RobotComprehension
+from rmr.lang.lower.robot_rules import Environment, Projected, RobotAggregate, RobotComprehension, inner_parts
 from rmr.lang.read.source_text import SourceText, Span
 
 
@@ -37,11 +37,11 @@ class Texts:
 
 def environments(rule: Projected) -> list[Environment]:
     """Return what knows the variables of a rule: the rule itself and its inner bodies."""
-    inner = [part.environment for part in rule.head if isinstance(part, RobotComprehension)]
+    inner = inner_parts(rule.head)
     return [
         rule.environment,
-        *inner,
-        *(part.head_environment for part in rule.head if isinstance(part, RobotAggregate)),
+        *(part.environment for part in inner if isinstance(part, RobotComprehension)),
+        *(part.head_environment for part in inner if isinstance(part, RobotAggregate)),
     ]
 
 

@@ -1,11 +1,11 @@
 """`rmr fmt`: the canonical layout of a source text.
 
-The layout is made from the words of the text, never from the syntax tree, so that nothing can be lost: numbers,
-strings and parentheses stay as they are written, every comment stays between its words. Words of the same kind in
+The layout is made from the tokens of the text, never from the syntax tree, so that nothing can be lost: numbers,
+strings and parentheses stay as they are written, every comment stays between its tokens. Tokens of the same kind in
 the same order have the same layout, whatever the spaces and lines between them were; only comments and single
 blank lines between items remember where they stood.
 
-`words` reads the words, `line_breaks` decides where lines may break, `printer` where they do.
+`words` reads the tokens, `line_breaks` decides where lines may break, `printer` where they do.
 """
 
 import math
@@ -38,7 +38,7 @@ def one_line(text: str) -> str:
 
 
 def _content(text: Text) -> tuple[list[str], list[str]]:
-    """Return the words and the comments of a text."""
+    """Return the tokens and the comments of a text."""
     words = [word.text for word in text.words]
     comments = [comment.text for word in text.words for comment in (*word.before, *word.after)]
     return words, comments + [comment.text for comment in text.end]

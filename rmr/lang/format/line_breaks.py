@@ -1,4 +1,4 @@
-"""Where lines may break: from words to marks for the printer.
+"""Where lines may break: from tokens to marks for the printer.
 
 An item stands on one line if it fits. If it does not, `-o` begins the line of the head; the conjuncts of the body
 have a line each if they do not fit on one, and so have the head's items. What stands in brackets breaks by the same
@@ -28,21 +28,34 @@ LEVELS = (("then",), ("||",), ("&&",), ("=", "!=", "<", "<=", ">", ">="), ("+", 
 LEVEL = {operator: level for level, operators in enumerate(LEVELS) for operator in operators}
 
 OPERANDS = frozenset(
-    {"VARIABLE", "NAME", "INT", "FLOAT", "TIME", "ROBOT", "STRING", "TRUE", "FALSE", "RPAR", "RSQB"},
+    {
+        "VARIABLE",
+        "NAME",
+        "INT",
+        "FLOAT",
+        "TIME",
+        "ROBOT",
+        "STRING",
+        "TRUE",
+        "FALSE",
+        "RPAR",
+        "RSQB",
+        "END",
+    },
 )
-"""Kinds of words that end an operand: a `-` behind one is binary."""
-CALLED = frozenset({"NAME", "ASSERT", "WATCH"})
-"""Kinds of words with no space before a following `(`."""
+"""Kinds of tokens that end an operand: a `-` behind one is binary."""
+CALLED = frozenset({"NAME", "ASSERT", "WATCH", "IF", "END", "UNORDERED"})
+"""Kinds of tokens with no space before a following `(`."""
 CLOSING = frozenset({")", "]", "}"})
 SECTIONS = frozenset({"-o", "else", "|"})
-"""Words that begin a line if their group breaks."""
+"""Tokens that begin a line if their group breaks."""
 PREFIXES = frozenset({"!", "$", "?"})
-"""Prefix words, with no space behind them; a unary `-` is one as well."""
+"""Prefix tokens, with no space behind them; a unary `-` is one as well."""
 
 
 @dataclass(slots=True)
 class _Part:
-    """A word, a pair of brackets with all that is inside, or a comment."""
+    """A token, a pair of brackets with all that is inside, or a comment."""
 
     marks: list[Mark]
     level: int | None = None
@@ -52,7 +65,7 @@ class _Part:
 
 @dataclass(slots=True)
 class _Section:
-    """A list of elements between commas; all sections but the first begin with a word such as `-o`."""
+    """A list of elements between commas; all sections but the first begin with a token such as `-o`."""
 
     word: Word | None = None
     elements: list[list[Mark]] = field(default_factory=list)
@@ -64,7 +77,9 @@ class _Frame:
 
     opening: list[Mark]
     matches: bool
-    """A comprehension or an aggregate."""
+    """A comprehension, an aggregate or a choice."""
+    chooses: bool = False
+    """A choice, from `if` to `end`."""
     sections: list[_Section] = field(default_factory=lambda: [_Section()])
     parts: list[_Part] = field(default_factory=list)
     """The parts of the present element."""
@@ -106,7 +121,7 @@ def _above(comments: Sequence[Comment]) -> list[Mark]:
 
 
 class _Reader:
-    """Reads the words of one item from left to right."""
+    """Reads the tokens of one item from left to right."""
 
     def __init__(self, item: list[Word]) -> None:
         self._item = item
@@ -114,9 +129,11 @@ class _Reader:
         self._previous = item[0]
         self._before_previous = item[0]
         self._prefixed = False
-        """Whether the previous word is a prefix."""
+        """Whether the previous token is a prefix."""
         self._derives = False
         """Whether the reader is behind the arrow, in the head."""
+        self._chooses = False
+        """Whether the previous token is the `if` of a choice."""
 
     def marks(self) -> list[Mark]:
         """Return the marks of the item, without the comments before it."""
@@ -136,8 +153,17 @@ class _Reader:
         frame = self._frames[-1]
         marks = [*space, word.text, *_trailing(word)]
         negates = word.text == "-" and not self._operand_ends()
-        if word.text in OPENING:
-            matches = word.text == "{" or (word.text == "[" and self._derives and len(self._frames) == 1)
+        if self._begins_choice(word):
+            self._frames.append(_Frame(marks, matches=True, chooses=True))
+        elif frame.chooses and word.text == "end":
+            frame.end_element([])
+            self._frames.pop()
+            self._frames[-1].parts.append(_Part(_brackets(frame, word)))
+        elif frame.chooses and word.text == "then" and len(frame.sections) == 1:
+            frame.end_element([])
+            frame.sections.append(_Section(word))
+        elif word.text in OPENING:
+            matches = word.text == "{" or (word.text == "[" and self._derives and self._is_outside())
             self._frames.append(_Frame(marks, matches))
         elif word.text in CLOSING:
             frame.end_element([])
@@ -149,29 +175,40 @@ class _Reader:
             frame.end_element([])
             frame.sections.append(_Section(word))
         else:
-            equates = word.text == "=" and self._item[0].kind == "CONST"
+            equates = word.text == "=" and self._item[0].kind in {"CONST", "FUN"}
             frame.parts.append(_Part(marks, None if negates or equates else LEVEL.get(word.text)))
+        self._chooses = self._begins_choice(word)
         self._derives = self._derives or word.text == "-o"
         self._prefixed = negates or word.text in PREFIXES
         self._before_previous = self._previous
         self._previous = word
 
     def _spaced(self, word: Word) -> list[Mark]:
-        """Return the space between the previous word and this one, or nothing."""
+        """Return the space between the previous token and this one, or nothing."""
         if word.text in TIGHT or self._previous.text in OPENING:
             return []
         if self._prefixed:  # a `-` before the name `o` would be an arrow
             return [Sign.SPACE] if self._previous.text == "-" and word.text == "o" else []
-        if word.text == "(" and self._previous.kind in CALLED and not self._aggregates():
+        tight = self._previous.kind in CALLED and not self._chooses and not self._aggregates()
+        if word.text == "(" and tight:
             return []
         return [Sign.SPACE]
+
+    def _is_outside(self) -> bool:
+        """Whether no bracket is open."""
+        return len(self._frames) == 1 or self._frames[-1].chooses
+
+    def _begins_choice(self, word: Word) -> bool:
+        """Whether a token is an `if` where an item of the head begins; elsewhere it is a function."""
+        begins = self._previous.text in {"-o", ",", "then", "else"}
+        return word.text == "if" and self._derives and self._is_outside() and begins and not self._frames[-1].parts
 
     def _operand_ends(self) -> bool:
         return self._previous.kind in OPERANDS and not self._aggregates()
 
     def _aggregates(self) -> bool:
-        """Whether the previous word is the operator of an aggregate, such as `sum`."""
-        inside = len(self._frames) == 2 and self._frames[-1].matches
+        """Whether the previous token is the operator of an aggregate, such as `sum`."""
+        inside = len(self._frames) >= 2 and self._frames[-1].matches and not self._frames[-1].chooses
         return inside and self._previous.kind == "NAME" and self._before_previous.text == "["
 
 
@@ -191,7 +228,7 @@ def _lines(elements: Iterable[list[Mark]]) -> list[Mark]:
 
 
 def _behind(sections: list[_Section]) -> list[Mark]:
-    """Return sections, each on a line that begins with its word."""
+    """Return sections, each on a line that begins with its token."""
     marks: list[Mark] = []
     for each in sections:
         assert each.word is not None
@@ -207,6 +244,7 @@ def _brackets(frame: _Frame, closing: Word) -> list[Mark]:
     marks = [*frame.opening, Indent(INDENT)]
     if frame.matches:
         marks += [*_group(_lines(first.elements)), *_behind(others), Indent(-INDENT)]
+        marks += [Sign.BREAK, Sign.SPACE] if frame.chooses else []
     elif first.elements:
         marks += [Sign.BREAK, *_lines(first.elements), *_behind(others), Indent(-INDENT), Sign.BREAK]
     else:
@@ -248,5 +286,5 @@ def _inside(comments: Sequence[Comment]) -> list[_Part]:
 
 
 def _trailing(word: Word) -> list[Mark]:
-    """Return the comments that end a word's line."""
+    """Return the comments that end a token's line."""
     return [CommentMark(each.text, each.ends_line, trailing=True) for each in word.after]

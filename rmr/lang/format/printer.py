@@ -1,7 +1,7 @@
 """The pretty printer: marks to lines, by the choice of line breaks (groups as in Oppen, 1980).
 
 A group stands on one line if it fits together with the text up to the next possible break; otherwise each of its own
-breaks is used, and the groups in it are tried in turn. A comment that needs a line end breaks every group with words
+breaks is used, and the groups in it are tried in turn. A comment that needs a line end breaks every group with tokens
 before and behind it. The width of a group is the difference of two prefix sums, so that the work is linear in the
 length of the text, independent of nesting.
 """
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 COLUMNS_MAX = 100
-"""Largest width of a line, except for comments and words that are longer themselves."""
+"""Largest width of a line, except for comments and tokens that are longer themselves."""
 
 TIGHT = frozenset({",", ".", ":", ")", "]", "}"})
-"""Words that have no space before them."""
+"""Tokens that have no space before them."""
 OPENING = frozenset({"(", "[", "{"})
 
 
@@ -46,13 +46,13 @@ class CommentMark:
 
     text: str
     alone: bool
-    """No word follows on its line and, unless it is trailing, none stands before it."""
+    """No token follows on its line and, unless it is trailing, none stands before it."""
     trailing: bool
-    """It stays on the line of the word before it."""
+    """It stays on the line of the token before it."""
 
 
 Mark = str | Sign | Indent | CommentMark
-"""A word stands for itself."""
+"""A token stands for itself."""
 
 
 def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
@@ -121,7 +121,7 @@ _GAPS = ("", " ", "  ", "\n", "\n\n")
 
 
 class _Pen:
-    """Writes words and comments, separated by the largest of the requested gaps."""
+    """Writes tokens and comments, separated by the largest of the requested gaps."""
 
     def __init__(self) -> None:
         self.indent = 0
@@ -131,16 +131,16 @@ class _Pen:
 
     @property
     def column(self) -> int:
-        """Where the next word begins, from 0."""
+        """Where the next token begins, from 0."""
         return self.indent if self._gap >= _LINE else self._column + len(_GAPS[self._gap])
 
     def apart(self, gap: int) -> None:
-        """Ask for a gap before what comes next; there is none before the first word."""
+        """Ask for a gap before what comes next; there is none before the first token."""
         if self._written:
             self._gap = max(self._gap, gap)
 
     def write(self, word: str) -> None:
-        """Write a word; a tight one has no space before it, not even behind a comment."""
+        """Write a token; a tight one has no space before it, not even behind a comment."""
         if self._gap == _SPACE and word in TIGHT:
             self._gap = _NOTHING
         self._put(word)

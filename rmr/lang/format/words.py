@@ -1,8 +1,8 @@
-"""The words of a source text, each with its attached comments.
+"""The tokens of a source text, each with its attached comments.
 
-A comment that ends the line of a word is attached after that word. Every other one is attached before the next word, on
-lines of its own or on the word's line. The attachment depends only on which side of the comment has a line end. The
-printed text preserves that, so that formatting is idempotent.
+A comment that ends the line of a token is attached after that token. Every other one is attached before the next
+token, on lines of its own or on the token's line. The attachment depends only on which side of the comment has a line
+end. The printed text preserves that, so that formatting is idempotent.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import tokens
 
 SPELLINGS = {"NE": "!=", "ARROW": "-o"}
-"""Canonical spellings of the words that have two."""
+"""Canonical spellings of the tokens that have two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Comment:
 
 @dataclass(slots=True)
 class Word:
-    """A word, the comments before it, and those that end its line."""
+    """A token, the comments before it, and those that end its line."""
 
     kind: str
     """The grammar's name for it."""
@@ -47,7 +47,7 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """The words of a text and the comments behind the last one's line."""
+    """The tokens of a text and the comments behind the last one's line."""
 
     words: list[Word]
     end: Sequence[Comment]
@@ -55,14 +55,14 @@ class Text:
 
 @dataclass(slots=True)
 class _Gap:
-    """What stands between two words: comments, and the number of line ends before each and before the next word."""
+    """The gap between two tokens: its comments, and the number of line ends before each and before the next token."""
 
     lines: list[int]
     comments: list[str] = field(default_factory=list)
 
 
 def read(text: str) -> Text:
-    """Return the words of `text`, which has no syntax errors."""
+    """Return the tokens of `text`, which has no syntax errors."""
     words: list[Word] = []
     gap = _Gap([1])  # the text begins with a line
     for token in tokens(text.replace("\r\n", "\n"), ignored=True):

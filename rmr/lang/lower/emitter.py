@@ -6,27 +6,33 @@ time, an expression by an instruction at run time.
 
 from collections import Counter
 from collections.abc import Sequence
+from operator import attrgetter
 
 from rmr.base.values import Robot, Value
 from rmr.bytecode import program as form
 from rmr.bytecode import provided
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
+from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, OwnFunction, Slot, Type
 from rmr.lang.analyse.folding import INSTRUCTIONS
-from rmr.lang.analyse.names import Names, Signature
+from rmr.lang.analyse.let_lifting import plain_name
+from rmr.lang.analyse.names import FactRole, Names, Signature, Use, declared_type
 from rmr.lang.analyse.types import Types, converted
+from rmr.lang.lower.ensemble_writer import Made
 from rmr.lang.lower.projection import OPERATORS
 from rmr.lang.lower.robot_rules import (
     SELF,
     Decide,
     Derived,
     Environment,
+    Gather,
     Let,
     MatchStep,
     Projected,
     RobotAggregate,
     RobotComprehension,
+    RobotValue,
+    RobotWhen,
     Step,
 )
 from rmr.lang.read.source_text import Span
@@ -38,11 +44,13 @@ from rmr.lang.read.syntax import (
     FactItem,
     FactNode,
     GoalItem,
+    LetTerm,
     ListTerm,
     Literal,
     Mark,
     StepsNode,
     TypeDeclaration,
+    TypeName,
     Unary,
     Variable,
 )
@@ -57,6 +65,13 @@ class Emitter:
         self._names = names
         self._types = types
         self._index = {name: index for index, name in enumerate(names.signatures)}
+        self._own = {
+            name: (index, OwnFunction(plain_name(name), len(item.parameters)))
+            for index, (name, item) in enumerate(names.functions.items())
+        }
+        goals = [use.fact.name.text for use in names.uses if _is_goal_table(use)]
+        self._goals = {name: len(self._index) + place for place, name in enumerate(dict.fromkeys(goals))}
+        """The predicates that stand for the open goals of others, by the names of these."""
 
     def _types_of(self, fact: FactNode) -> tuple[Type, ...]:
         return self._types.arguments(fact.name.text)
@@ -64,11 +79,45 @@ class Emitter:
     def _at(self, fact: FactNode) -> int:
         return self._index[fact.name.text]
 
+    # ---- functions
+
+    def functions(self) -> tuple[OwnFunction, ...]:
+        """Return the program's functions, with their code."""
+        for name, item in self._names.functions.items():
+            _, function = self._own[name]
+            parameters = [parameter.variable.name for parameter in item.parameters]
+            environment = Environment({each: place for place, each in enumerate(parameters)}, count=len(parameters))
+            function.code = self._given(item.body, item.result, environment)
+        return tuple(function for _, function in self._own.values())
+
+    def _given(self, expression: Expression, wanted: TypeName | None, environment: Environment) -> Code:
+        """Return the code of an expression whose value has a declared type, or any."""
+        code = self._code(expression, environment)
+        is_float = wanted is not None and _innermost(declared_type(wanted)).base is Base.FLOAT
+        return (*code, Instruction(Op.FLOAT)) if is_float and not self._types.certainly_float(expression) else code
+
     # ---- predicates
+
+    @property
+    def places(self) -> tuple[Span, ...]:
+        """The places of the predicates; goals have that of their predicate."""
+        signatures = self._names.signatures
+        return (*[each.place for each in signatures.values()], *[signatures[name].place for name in self._goals])
 
     def predicates(self) -> tuple[form.Predicate, ...]:
         """Return the table of predicates and actions."""
-        return tuple(self._predicate(signature) for signature in self._names.signatures.values())
+        declared = [self._predicate(signature) for signature in self._names.signatures.values()]
+        goals = [form.Predicate(form.GOALS_OF + name, Kind.SENSED, self._types.arguments(name)) for name in self._goals]
+        return (*declared, *goals)
+
+    def hidden(self, made: Sequence[Made]) -> tuple[form.HiddenPredicate, ...]:
+        """Return the table of the predicates that ensemble rules have brought."""
+        index = self._index
+        table = [
+            form.HiddenPredicate(index[each.name], each.duty, None if each.other is None else index[each.other])
+            for each in made
+        ]
+        return tuple(sorted(table, key=attrgetter("predicate")))
 
     def _predicate(self, signature: Signature) -> form.Predicate:
         types = self._types.arguments(signature.name)
@@ -82,7 +131,10 @@ class Emitter:
             action = provided.ACTIONS.get(signature.name)
             if not effects and action is not None and action.effect is not None:
                 effects = self._default_effect(action.effect, types)
-        return form.Predicate(signature.name, signature.kind, types, signature.provided, effects, otherwise)
+        unordered = declaration is not None and declaration.unordered is not None
+        return form.Predicate(
+            signature.name, signature.kind, types, signature.provided, effects, otherwise, signature.best, unordered
+        )
 
     def _effect(self, fact: FactNode, environment: Environment) -> form.Effect:
         owner = self._code(fact.arguments[0], environment)
@@ -144,12 +196,26 @@ class Emitter:
                 return form.Bind(environment.slots[name], self._code(expression, environment))
             case Decide(expression=expression):
                 return form.Guard(self._code(expression, environment))
+            case Gather(node=node, environment=inner):
+                return form.Fold(
+                    operator=OPERATORS[node.operator.text],
+                    term=None if node.term is None else self._code(node.term, inner),
+                    result=step.result,
+                    slots=step.slots,
+                    body=self._steps(step.body, inner),
+                )
 
     def _steps(self, steps: tuple[Step, ...], environment: Environment) -> tuple[form.Conjunct, ...]:
         return tuple(self._step(step, environment) for step in steps)
 
     def _head(self, part: Derived, environment: Environment) -> form.Head:
         match part:
+            case RobotValue(slot=slot, expression=expression):
+                return form.HeadValue(slot, self._code(expression, environment))
+            case RobotWhen(slot=slot, item=item):
+                inner = self._head(item, environment)
+                assert not isinstance(inner, form.HeadValue | form.When)
+                return form.When(slot, inner)
             case FactNode():
                 return self.derived(part, environment)
             case StepsNode(derived=derived):
@@ -169,7 +235,7 @@ class Emitter:
             result=part.result,
             slots=part.slots,
             body=self._steps(part.body, inner),
-            head=self.derived(item.head, part.head_environment),
+            head=tuple(self.derived(fact, part.head_environment) for fact in item.head),
         )
 
     def atom(
@@ -178,7 +244,8 @@ class Emitter:
         """Return the pattern of a fact in a body or a time assertion."""
         kinds = self._types_of(fact)
         patterns = (self._pattern(each, kind, environment) for each, kind in zip(arguments, kinds, strict=True))
-        return form.Atom(self._at(fact), tuple(patterns), mode)
+        predicate = self._goals[fact.name.text] if fact.mark is Mark.GOAL else self._at(fact)
+        return form.Atom(predicate, tuple(patterns), mode)
 
     @staticmethod
     def _pattern(argument: Variable | Literal, kind: Type, environment: Environment) -> form.Pattern:
@@ -199,7 +266,7 @@ class Emitter:
         if self._names.of(fact).kind is Kind.ACTION:
             return form.DeriveAction(predicate, owner, arguments)
         if fact.mark is Mark.GOAL:
-            return form.DeriveGoal(predicate, owner, arguments)
+            return form.DeriveGoal(self._goals[fact.name.text] if fact.absent else predicate, owner, arguments)
         return form.DeriveFact(predicate, owner, arguments)
 
     def _arguments(self, fact: FactNode, environment: Environment) -> tuple[Code, ...]:
@@ -262,11 +329,15 @@ class Emitter:
                 return (*one, *other, Instruction(INSTRUCTIONS[operator]))
             case Call():
                 return self._call(expression, environment)
+            case LetTerm():
+                raise AssertionError("a let that was not lifted")
             case ListTerm(items=items, rest=rest):
                 codes = [self._code(item, environment) for item in items]
                 return _list(codes, () if rest is None else self._code(rest, environment))
 
     def _call(self, call: Call, environment: Environment) -> Code:
+        if call.name.text in self._own:
+            return self._applied(call, environment)
         codes = [self._code(argument, environment) for argument in call.arguments]
         name = call.name.text
         if name != "if":
@@ -280,6 +351,19 @@ class Emitter:
             Instruction(Op.JUMP, len(otherwise)),
             *otherwise,
         )
+
+    def _applied(self, call: Call, environment: Environment) -> Code:
+        """Return the code of a call of a function of the program."""
+        index, function = self._own[call.name.text]
+        parameters = self._names.functions[call.name.text].parameters
+        given = zip(call.arguments, parameters, strict=True)
+        codes = [self._given(argument, parameter.type, environment) for argument, parameter in given]
+        return (*(each for code in codes for each in code), Instruction(Op.APPLY, index, function))
+
+
+def _is_goal_table(use: Use) -> bool:
+    """Return whether a rule reads goals, or withdraws one."""
+    return use.fact.mark is Mark.GOAL and (use.role is FactRole.BODY or use.fact.absent)
 
 
 def effect_environment(declaration: TypeDeclaration) -> Environment:

@@ -4,8 +4,9 @@ The rank of a firing is the lowest level at which one of the facts that it produ
 (`rmr.analysis.goal_levels`). At compile time only the rule's patterns are known, neither the facts nor the robot. So a
 lower and an upper bound are computed. Lower: the lowest level at which a fact that the rule may produce is possibly
 wanted. Upper: the lowest level at which a fact that every firing produces is wanted for certain, on every robot that
-has the goal. Equal bounds are the rank of every firing. Without a lower bound the rule never leads to the goal. In all
-other cases the rank depends on the firing, and the robot computes it.
+has the goal and whatever facts it holds: through rules that need no other fact and no condition. Equal bounds are the
+rank of every firing. Without a lower bound the rule never leads to the goal. In all other cases the rank depends on the
+firing or on facts, and the robot computes it.
 
 The result equals that of the robot's own search: that one visits no more than this one, so its budget suffices where
 this one's did.
@@ -28,6 +29,7 @@ from rmr.analysis.backward_chaining import (
     value_key,
 )
 from rmr.analysis.goal_levels import STEPS_MAX, Levels, Reached
+from rmr.analysis.regressions import is_unconditional
 from rmr.base.values import Robot
 from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 
@@ -74,6 +76,7 @@ class GoalPaths:
 
     def __init__(self, program: Program) -> None:
         self._backwards = Backwards(program)
+        self._unconditional = Backwards(program, is_unconditional)
         self._brought = [tuple(brings(rule, program)) for rule in program.rules]
         self._bringing: dict[int, list[int]] = {}
         """Rules by the predicates that they produce."""
@@ -104,7 +107,7 @@ class GoalPaths:
         robot = None if goal.owner is None else Robot(goal.owner)
         wanted = [(goal.predicate, goal.args)]
         possible = Levels(self._backwards, wanted, robot)
-        sure = possible if robot is not None else Levels(self._backwards, wanted, sure=True)
+        sure = Levels(self._unconditional, wanted, robot, sure=robot is None)
         if not possible.finish(self._steps_left) or not sure.finish(STEPS_MAX):
             self._steps_left = 0
             raise TooMuch

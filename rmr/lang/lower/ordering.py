@@ -14,7 +14,7 @@ from rmr.bytecode.program import Kind, Mode
 from rmr.lang.analyse.names import Names, meant
 from rmr.lang.analyse.types import equation_of, matched_variables
 from rmr.lang.diagnostics.diagnostic import Diagnostics
-from rmr.lang.lower.robot_rules import Decide, Environment, Let, MatchStep, Step
+from rmr.lang.lower.robot_rules import Decide, Environment, Gather, Let, MatchStep, Step
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
     Binary,
@@ -23,6 +23,7 @@ from rmr.lang.read.syntax import (
     Conjunct,
     Expression,
     FactNode,
+    FoldNode,
     ListTerm,
     Literal,
     Mark,
@@ -57,10 +58,12 @@ class _Body:
 
     environment: Environment
     matched: frozenset[str]
-    """The variables that positive facts of the body bind."""
+    """The variables that positive facts and folds of the body bind."""
     waiting: list[Conjunct]
-    """Conditions and `not` that are not scheduled yet."""
+    """Conditions, `not` and folds that are not scheduled yet."""
     steps: list[Step] = field(default_factory=list)
+    complete: bool = False
+    """Whether all facts are matched; folds stand behind them."""
 
 
 class Orderer:
@@ -71,22 +74,26 @@ class Orderer:
         self._symbols = symbols
         self._found = found
         self._fresh = 0
+        self._keeps = False
+        """Whether the body of a fold is being scheduled, which consumes nothing."""
 
     def order(self, conjuncts: tuple[Conjunct, ...], environment: Environment) -> tuple[Step, ...] | None:
         """Return the steps of a body, or None after reporting unbound variables; `environment` gains the bound ones."""
         # Conditions first wait for their variables; positive facts never wait, since matching them binds.
-        held = [each for each in conjuncts if isinstance(each, Condition) or each.absent]
+        held = [each for each in conjuncts if not isinstance(each, FactNode) or each.absent]
         waiting = [each for each in held if not _is_replaced(each, environment)]
-        body = _Body(environment, matched_variables(conjuncts), waiting)
+        computed = {each.result.name for each in conjuncts if isinstance(each, FoldNode) and each.result is not None}
+        body = _Body(environment, matched_variables(conjuncts) | computed, waiting)
         for fact in conjuncts:
             if isinstance(fact, FactNode) and not fact.absent:
                 self._match(fact, body)
                 self._ready(body)
+        body.complete = True
         self._ready(body)
         # What still waits for a variable of a `not` alone cannot come earlier: decide each `not`, then look again.
-        while absent := [each for each in body.waiting if isinstance(each, FactNode)]:
-            body.waiting.remove(absent[0])
-            self._absent(absent[0], body)
+        while inner := [each for each in body.waiting if not isinstance(each, Condition)]:
+            body.waiting.remove(inner[0])
+            self._inner(inner[0], body)
             self._ready(body)
         for conjunct in body.waiting:
             self.unbound(conjunct, environment)
@@ -135,10 +142,11 @@ class Orderer:
         index = 0
         while index < len(body.waiting):
             conjunct = body.waiting[index]
-            if isinstance(conjunct, FactNode):
-                if self._is_absent_now(conjunct, body):
+            if not isinstance(conjunct, Condition):
+                if self._is_inner_now(conjunct, body):
                     body.waiting.pop(index)
-                    self._absent(conjunct, body)
+                    self._inner(conjunct, body)
+                    index = 0 if isinstance(conjunct, FoldNode) else index
                 else:
                     index += 1
                 continue
@@ -161,11 +169,37 @@ class Orderer:
         return 0
 
     @staticmethod
-    def _is_absent_now(fact: FactNode, body: _Body) -> bool:
-        """Whether no later fact or equation can bind an unbound variable of the negated `fact`."""
-        free = {each.name for each in variables(fact.arguments) if not body.environment.knows(each.name)}
-        later = body.matched | {name for other in body.waiting if other is not fact for name in _may_bind(other)}
+    def _is_inner_now(part: FactNode | FoldNode, body: _Body) -> bool:
+        """Whether no later fact or equation can bind an unbound variable of a negated fact, or of a fold."""
+        if isinstance(part, FoldNode) and not body.complete:
+            return False
+        used = variables(part.arguments if isinstance(part, FactNode) else (part.term, part.body))
+        free = {each.name for each in used if not body.environment.knows(each.name)}
+        later = body.matched | {name for other in body.waiting if other is not part for name in _may_bind(other)}
         return not free & later
+
+    def _inner(self, part: FactNode | FoldNode, body: _Body) -> None:
+        if isinstance(part, FactNode):
+            self._absent(part, body)
+        else:
+            self._fold(part, body)
+
+    def _fold(self, node: FoldNode, body: _Body) -> None:
+        """Append a fold; its variables that nothing else binds are its own."""
+        outer = body.environment
+        inner = outer.inner()
+        self._keeps = True
+        steps = self.order(node.body, inner)
+        self._keeps = False
+        if node.term is not None:
+            self.unbound(node.term, inner)
+        slots = tuple(range(outer.count, inner.count))
+        outer.count = inner.count
+        result = node.result or self.fresh_variable(node.span)
+        body.steps.append(Gather(node, outer.slot(result.name), slots, steps or (), inner))
+        if node.result is None:
+            none = Binary("=", result, Literal(0, node.span), node.span)
+            body.steps.append(Decide(none))
 
     @staticmethod
     def _decided(expression: Expression, body: _Body) -> Step | None:
@@ -188,7 +222,7 @@ class Orderer:
             subject = other
             # A computed list gets a slot, so that it is evaluated once and not once for each item.
             if not isinstance(other, Variable | Literal):
-                subject = self._fresh_variable(side.span)
+                subject = self.fresh_variable(side.span)
                 self._take(Let(subject.name, other), 0, body)
             return list(_parts(subject, side))
         return None
@@ -203,7 +237,7 @@ class Orderer:
             if isinstance(argument, Literal):
                 arguments.append(argument)
                 continue
-            variable = argument if isinstance(argument, Variable) else self._fresh_variable(argument.span)
+            variable = argument if isinstance(argument, Variable) else self.fresh_variable(argument.span)
             if not variable.anonymous and variable.name not in body.environment.constants:
                 body.environment.slot(variable.name)
             if variable is not argument:
@@ -214,9 +248,9 @@ class Orderer:
         body.waiting[:0] = equations
 
     def _mode(self, fact: FactNode) -> Mode:
-        if self._names.of(fact).kind is not Kind.TEMPORARY:
+        if self._names.of(fact).kind is not Kind.TEMPORARY or fact.mark is Mark.GOAL:
             return Mode.READ
-        return Mode.KEEP if fact.mark is Mark.KEEP else Mode.CONSUME
+        return Mode.KEEP if fact.mark is Mark.KEEP or self._keeps else Mode.CONSUME
 
     def _absent(self, fact: FactNode, body: _Body) -> None:
         arguments: list[Variable | Literal] = []
@@ -230,7 +264,7 @@ class Orderer:
                 arguments.append(self._free(argument, free, own, body.environment) if unknown else argument)
             else:
                 self.unbound(argument, body.environment)
-                variable = self._fresh_variable(argument.span)
+                variable = self.fresh_variable(argument.span)
                 self._take(Let(variable.name, argument), 0, body)
                 arguments.append(variable)
         body.steps.append(MatchStep(fact, tuple(arguments), Mode.ABSENT))
@@ -243,11 +277,12 @@ class Orderer:
         if free.count(variable.name) == 1:
             return Variable("_", variable.span)
         if variable.name not in own:
-            own[variable.name] = self._fresh_variable(variable.span)
+            own[variable.name] = self.fresh_variable(variable.span)
             environment.slot(own[variable.name].name)
         return own[variable.name]
 
-    def _fresh_variable(self, span: Span) -> Variable:
+    def fresh_variable(self, span: Span) -> Variable:
+        """Return a variable that no source can name."""
         self._fresh += 1
         return Variable(f"_{self._fresh}'", span)  # the apostrophe keeps it apart from all names of the source
 
@@ -296,6 +331,8 @@ def _is_replaced(conjunct: Conjunct, environment: Environment) -> bool:
 
 def _may_bind(conjunct: Conjunct) -> Iterable[str]:
     """Return the variables that `conjunct` binds if it is scheduled as a binding."""
+    if isinstance(conjunct, FoldNode):
+        return () if conjunct.result is None else (conjunct.result.name,)
     if not isinstance(conjunct, Condition):
         return ()
     sides = [side for side, _ in _sides(conjunct.expression)]

@@ -1,6 +1,7 @@
 """Projection: a rule about the ensemble to a rule of one robot.
 
-The facts of a body must belong to one robot, the rule's home. The owner becomes slot 0 on the home robot. The rest of
+The positive facts of a body belong to one robot, the rule's home; a rule over several robots is rewritten before
+(`ensemble_rules`). The owner becomes slot 0 on the home robot. The rest of
 the body is scheduled (`ordering`). Constant propagation: `X = constant` generates no code, the constant replaces X.
 The variables of a head must be bound by the body.
 """
@@ -11,20 +12,36 @@ from rmr.base.values import Robot
 from rmr.bytecode.program import SELF_SLOT, Operator
 from rmr.lang.analyse.names import Names, meant
 from rmr.lang.analyse.types import Types, constants, fits, literal_type
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.lower.joint_plan import called
+from rmr.lang.lower.joint_plan import same_owner as _same_owner
 from rmr.lang.lower.ordering import Orderer, all_known, variables
-from rmr.lang.lower.robot_rules import SELF, Decide, Derived, Environment, Projected, RobotAggregate, RobotComprehension
+from rmr.lang.lower.robot_rules import (
+    SELF,
+    Decide,
+    Derived,
+    Environment,
+    Projected,
+    RobotAggregate,
+    RobotComprehension,
+    RobotValue,
+    RobotWhen,
+)
 from rmr.lang.read.syntax import (
     AggregateNode,
     Binary,
+    ChoiceNode,
     ComprehensionNode,
     Conjunct,
     Expression,
     FactNode,
+    FoldNode,
     HeadItem,
     Literal,
+    PlainHeadItem,
     RuleItem,
     StepsNode,
+    Unary,
     Variable,
     walk,
 )
@@ -57,13 +74,15 @@ class Projector:
         if not homes:
             return None
         self._settle([owner for owner, _ in homes], environment)
-        if len(homes) > 1:
-            self._join(rule, homes)
-        at_home = len(homes) == 1 and self._are_at_home([fact for fact in facts if fact.absent], "`not`")
+        folds = [each for each in rule.body if isinstance(each, FoldNode)]
+        at_home = self._are_at_home([fact for fact in facts if fact.absent], "`not`")
+        for fold in folds:
+            at_home &= self._are_at_home(fold.body, "`not`" if fold.result is None else f"`{fold.operator.text}`")
+            at_home &= self._is_simple(fold.body)
         # After an error, too: one pass reports the mistakes of home, body and head together.
         environment.constants.update(self._constants(rule, environment))
         body = self._orderer.order(rule.body, environment)
-        head = [self._head(part, environment) for part in rule.head]
+        head = [each for part in rule.head for each in self._head(part, environment)]
         if not at_home or body is None or None in head:
             return None
         home = self._home
@@ -72,6 +91,23 @@ class Projector:
             here = Decide(Binary("=", Variable(SELF, home.span), home, home.span))
             body = (here, *body)
         return Projected(rule, environment, body, tuple(part for part in head if part is not None))
+
+    def is_joint(self, rule: RuleItem) -> bool:
+        """Whether the facts of a rule's body have several owners; an owner that is no robot is not reported here."""
+        owners = [each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent]
+        first = owners[0] if owners else None
+        good = all(isinstance(owner, Variable | Literal) for owner in owners)
+        return good and first is not None and any(o is not None and not _same_owner(first, o) for o in owners[1:])
+
+    def is_bound(self, rule: RuleItem, owners: Sequence[Expression]) -> bool:
+        """Whether a rule over several robots, the first its home, binds the variables that it uses; else reported."""
+        environment = Environment()
+        self._settle(list(owners), environment)
+        simple = [self._is_simple(each.body) for each in rule.body if isinstance(each, FoldNode)]
+        environment.constants.update(self._constants(rule, environment))
+        body = self._orderer.order(rule.body, environment)
+        head = [each for part in rule.head for each in self._head(part, environment)]
+        return all(simple) and body is not None and None not in head
 
     def _constants(self, rule: RuleItem, environment: Environment) -> dict[str, Literal]:
         """Return the variables that a constant can replace: it is equated with them and fits the types of all uses."""
@@ -117,14 +153,6 @@ class Projector:
             if isinstance(other, Variable) and not other.anonymous:
                 environment.slot(other.name)
 
-    def _join(self, rule: RuleItem, homes: list[tuple[Expression, FactNode]]) -> None:
-        notes = tuple(DiagnosticNote(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
-        message = "a join of several robots' facts is not supported yet"
-        home, other = (_called(owner) for owner, _ in homes[:2])
-        hint = f"let {home} ask {other} by a fact of {other}, which {other} uses up with its own before it answers: "
-        hint += "see `rmr explain E035`"
-        self._found.report("E035", message, rule.span, hint=hint, notes=notes)
-
     def _is_at_home(self, fact: FactNode, what: str) -> bool:
         home = self._home
         if fact.owner is None or home is None:
@@ -133,7 +161,7 @@ class Projector:
             return True
         hint = "another robot's facts are not at hand here"
         if isinstance(home, Variable) or (isinstance(home, Literal) and isinstance(home.value, Robot)):
-            hint = f"the rule's home robot is {_called(home)}; {hint}"
+            hint = f"the rule's home robot is {called(home)}; {hint}"
         message = f"{what} may name the facts of the rule's home robot only"
         self._found.report("E033", message, fact.span, hint=hint)
         return False
@@ -144,7 +172,52 @@ class Projector:
 
     # ---- heads
 
-    def _head(self, part: HeadItem, environment: Environment) -> Derived | None:
+    def _head(self, part: HeadItem, environment: Environment) -> list[Derived | None]:
+        """Return the items that one item of the source becomes; None in the place of one that is reported."""
+        if isinstance(part, ChoiceNode):
+            return self._choice(part, environment, None)
+        return [self._item(part, environment)]
+
+    def _choice(self, choice: ChoiceNode, environment: Environment, outer: Variable | None) -> list[Derived | None]:
+        """Return what a choice becomes, which is considered if the value of `outer` is true."""
+        for each in walk(choice.condition):
+            if isinstance(each, Variable) and each.anonymous:
+                self._found.report("E030", "`_` has no value", each.span, hint="name what is compared")
+        self._orderer.unbound(choice.condition, environment)
+        if not all_known(choice.condition, environment):
+            return [None]
+        found: list[Derived | None] = []
+        holds = self._valued(choice.condition, outer, environment, found)
+        self._branch(choice.then, holds, environment, found)
+        if choice.otherwise:
+            fails = self._valued(Unary("not", holds, choice.span), outer, environment, found)
+            self._branch(choice.otherwise, fails, environment, found)
+        return found
+
+    def _valued(
+        self, condition: Expression, outer: Variable | None, environment: Environment, found: list[Derived | None]
+    ) -> Variable:
+        """Add a value that is `condition` where `outer` is true and false elsewhere; return its variable."""
+        span = condition.span
+        variable = self._orderer.fresh_variable(span)
+        whole = condition if outer is None else Binary("&&", outer, condition, span)
+        found.append(RobotValue(environment.slot(variable.name), whole))
+        return variable
+
+    def _branch(
+        self, head: tuple[HeadItem, ...], holds: Variable, environment: Environment, found: list[Derived | None]
+    ) -> None:
+        slot = environment.slots[holds.name]
+        for part in head:
+            if isinstance(part, ChoiceNode):
+                found += self._choice(part, environment, holds)
+                continue
+            item = self._item(part, environment)
+            found.append(None if item is None else RobotWhen(slot, item))
+
+    def _item(
+        self, part: PlainHeadItem, environment: Environment
+    ) -> FactNode | StepsNode | RobotComprehension | RobotAggregate | None:
         match part:
             case FactNode():
                 return part if self._is_bound(part, environment) else None
@@ -164,6 +237,16 @@ class Projector:
         self._orderer.unbound(fact.arguments, environment)
         return all_known(fact.arguments, environment)
 
+    def _is_simple(self, body: Sequence[Conjunct]) -> bool:
+        """Whether an inner body has no aggregate and no `not` of several conjuncts; one is reported."""
+        for each in body:
+            if isinstance(each, FoldNode):
+                what = "`not` of several conjuncts" if each.result is None else f"`{each.operator.text}`"
+                message = f"{what} stands in the body of a rule only, not in an inner body"
+                self._found.report("E036", message, each.span, hint="work it out in the rule's own body")
+                return False
+        return True
+
     # ---- comprehensions
 
     def _comprehension(self, part: ComprehensionNode, environment: Environment) -> RobotComprehension | None:
@@ -174,7 +257,9 @@ class Projector:
                 hint = "the variables before the `|` are new; choose another name"
                 self._found.report("E031", message, variable.span, hint=hint)
                 return None
-        if not self._are_at_home(part.body, "a comprehension") or not self._all_listed(part, environment):
+        if not self._are_at_home(part.body, "a comprehension") or not self._is_simple(part.body):
+            return None
+        if not self._all_listed(part, environment):
             return None
         inner = environment.inner()
         body = self._orderer.order(part.body, inner)
@@ -201,6 +286,8 @@ class Projector:
         operator = self._operator(part)
         at_home = self._are_at_home(part.body, "an aggregate")
         if operator is None or not at_home or not self._is_new(part, environment):
+            return None
+        if not self._is_simple(part.body):
             return None
         inner = environment.inner()
         body = self._orderer.order(part.body, inner)
@@ -253,16 +340,7 @@ class Projector:
             message = f"`{each.name}` has another value in each match"
             hint = f"the head of `{part.operator.text}` has `{part.result.name}` and the rule's variables"
             self._found.report("E030", message, each.span, hint=hint)
-        return not lost and self._is_bound(part.head, head) and all_known(part.term, inner)
-
-
-def _same_owner(one: Expression, other: Expression) -> bool:
-    if isinstance(one, Variable) and isinstance(other, Variable):
-        return one.name == other.name and not one.anonymous
-    return isinstance(one, Literal) and isinstance(other, Literal) and one.value == other.value
-
-
-def _called(owner: Expression) -> str:
-    if isinstance(owner, Literal):
-        return f"`{owner.value!r}`"
-    return f"`{owner.name}`" if isinstance(owner, Variable) and not owner.anonymous else "another robot"
+        if lost:
+            return False
+        bound = [self._is_bound(fact, head) for fact in part.head]
+        return all(bound) and all_known(part.term, inner)

@@ -36,7 +36,19 @@ class Let:
     expression: Expression
 
 
-Step = MatchStep | Decide | Let
+@record
+class Gather:
+    """The value that all matches of an inner body are reduced to, or the test that there is none."""
+
+    node: syntax.FoldNode
+    result: int
+    slots: tuple[int, ...]
+    body: "tuple[Step, ...]"
+    environment: "Environment"
+    """Scope of the inner body and the term."""
+
+
+Step = MatchStep | Decide | Let | Gather
 
 
 @dataclass(slots=True)
@@ -89,7 +101,29 @@ class RobotAggregate:
     """Scope of the head: the rule's variables and the result; for min and max the body's variables as well."""
 
 
-Derived = FactNode | syntax.StepsNode | RobotComprehension | RobotAggregate
+@record
+class RobotValue:
+    """A value that the head computes."""
+
+    slot: int
+    expression: Expression
+
+
+@record
+class RobotWhen:
+    """An item of the head that is left out unless the value in a slot is true."""
+
+    slot: int
+    item: "FactNode | syntax.StepsNode | RobotComprehension | RobotAggregate"
+
+
+Derived = FactNode | syntax.StepsNode | RobotComprehension | RobotAggregate | RobotValue | RobotWhen
+
+
+def inner_parts(head: "tuple[Derived, ...]") -> "list[RobotComprehension | RobotAggregate]":
+    """Return the comprehensions and aggregates of a head, conditional ones included."""
+    parts = [part.item if isinstance(part, RobotWhen) else part for part in head]
+    return [part for part in parts if isinstance(part, RobotComprehension | RobotAggregate)]
 
 
 @record

@@ -1,7 +1,7 @@
-"""The LALR(1) automaton: shifts and reductions over the words of one item.
+"""The LALR(1) automaton: shifts and reductions over the tokens of one item.
 
-Parallel stacks hold the states, the semantic values (words and nodes) and their start and end offsets; the first state
-has no value. A trial parse, which only asks how far words would get, needs a copy of the states alone.
+Parallel stacks hold the states, the semantic values (tokens and nodes) and their start and end offsets; the first state
+has no value. A trial parse, which only asks how far tokens would get, needs a copy of the states alone.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,11 +21,11 @@ class TrialReach(NamedTuple):
     """The result of a trial parse; tuples compare as results do, greater is better."""
 
     complete: bool
-    """The words complete an item."""
+    """The tokens complete an item."""
     commas: int
     """Number of supplied commas, negated; 0 if the item is not complete."""
     words: int
-    """Number of words accepted before the first supplied comma."""
+    """Number of tokens accepted before the first supplied comma."""
 
 
 class Automaton:
@@ -59,7 +59,7 @@ class Automaton:
         while True:
             row = actions[states[-1]]
             action = row.get(token.kind)
-            # Contextual keywords: where the grammar does not expect the keyword, the word is a name.
+            # Contextual keywords: where the grammar does not expect the keyword, the token is a name.
             if action is None and token.kind in self._reserved:
                 action = row.get("NAME")
             if action is None:
@@ -112,25 +112,25 @@ class Automaton:
         return self._values[0]
 
     def last(self, *kinds: str) -> list[Token]:
-        """Return the words on top of the stack if they are of these `kinds` and not reduced, else an empty list."""
+        """Return the tokens on top of the stack if they are of these `kinds` and not reduced, else an empty list."""
         values = self._values[-len(kinds) :]
         found = tuple(each.kind for each in values if isinstance(each, Token))
         return values if found == kinds else []
 
     def back(self, count: int) -> None:
-        """Pop the last `count` words, which are not reduced."""
+        """Pop the last `count` tokens, which are not reduced."""
         for each in (self.states, self._values, self._starts, self._ends):
             del each[len(each) - count :]
 
     def unclosed(self, opening: str) -> Token | None:
-        """Return the last word of kind `opening` on the stack: a closed one is reduced, so it is unclosed."""
+        """Return the last token of kind `opening` on the stack: a closed one is reduced, so it is unclosed."""
         words = (each for each in reversed(self._values) if isinstance(each, Token))
         return next((each for each in words if each.kind == opening), None)
 
     # ---- trial parses
 
     def feed(self, states: list[int], kind: str, *, named: bool = True) -> bool:
-        """Shift a word of `kind` on `states`, in place; return whether it fits. Keywords are names only if `named`."""
+        """Shift a token of `kind` on `states`, in place; return whether it fits. Keywords are names only if `named`."""
         actions = self._tables.actions
         rules = self._tables.rules
         while True:
@@ -149,7 +149,7 @@ class Automaton:
             states.append(actions[states[-1]][rule.origin])
 
     def reach(self, states: list[int] | None, kinds: Iterable[str]) -> TrialReach:
-        """Return how far words of these `kinds` get from `states`, or from the beginning of an item if None."""
+        """Return how far tokens of these `kinds` get from `states`, or from the beginning of an item if None."""
         trial = states[:] if states is not None else [self._tables.start]
         count = 0
         commas = 0
@@ -164,6 +164,6 @@ class Automaton:
         return TrialReach(False, 0, count)
 
     def accepted(self) -> list[str]:
-        """Return the kinds of words that are expected next."""
+        """Return the kinds of tokens that are expected next."""
         terminals = [terminal.name for terminal in self._tables.terminals]
         return [kind for kind in terminals if self.feed(self.states[:], kind, named=False)]

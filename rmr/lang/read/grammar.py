@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 END = "$END"
-"""The terminal behind the last word of an item."""
+"""The terminal behind the last token of an item."""
 
 
 class GrammarRule(NamedTuple):

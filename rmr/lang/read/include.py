@@ -17,7 +17,7 @@ from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceError, SourceText
 from rmr.lang.read.syntax import IncludeItem, Item, ModuleNode
 
 FILES_MAX = 1000
-"""Files of one program; more are generated, or a mistake."""
+"""Bound on the files of one program; more of them are generated, or a mistake."""
 
 DEPTH_MAX = 32
 """Nesting of includes, which bounds the recursion of the loader."""

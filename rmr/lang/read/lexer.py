@@ -1,4 +1,4 @@
-"""The lexer: a lazy stream of the words of a source text.
+"""The lexer: a lazy stream of the tokens of a source text.
 
 The grammar defines the terminals. This module adds error tokens, so that the parser can report them: an unterminated
 string or comment, a number that continues as a name, operators of other languages, and any other character. A keyword
@@ -32,7 +32,7 @@ _WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (QUOTED, _QUOTED), (OPEN_STRING, 
 
 
 class Token(NamedTuple):
-    """A word with its offsets."""
+    """A token with its offsets."""
 
     kind: str
     """The name of the terminal, END, or the kind of an error token."""
@@ -49,7 +49,7 @@ def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Toke
     """Yield `words` without comments in the syntax of other languages, each from its sign to the end of the line.
 
     `%` and `--` are ambiguous (remainder, two minus signs). They begin a comment at the beginning of an item or of a
-    line, behind a comma or an arrow, and before a word that is no variable or number.
+    line, behind a comma or an arrow, and before a token that is no variable or number.
     """
     end = -1
     previous = "DOT"
@@ -103,7 +103,7 @@ def scanner() -> Scanner:
 
 
 def tokens(text: str, start: int = 0, *, ignored: bool = False) -> Iterator[Token]:
-    """Yield the words of `text` from `start` on, then END; with `ignored` also comments and blanks."""
+    """Yield the tokens of `text` from `start` on, then END; with `ignored` also comments and blanks."""
     pattern, kinds, reserved, skipped = scanner()
     if ignored:
         skipped = frozenset()

@@ -1,4 +1,4 @@
-"""The unexpected word of a syntax error: its context, its message and the hint."""
+"""The unexpected token of a syntax error: its context, its message and the hint."""
 
 import re
 from typing import NamedTuple
@@ -27,7 +27,7 @@ _CALLED = {
 }
 """Names in hints of terminals without a fixed spelling."""
 _HIDDEN = {
-    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"),
+    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "UNORDERED", "LIST"),
     *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
 }
 """Terminals left out of hints: operators, and values that "a number" or "a name" already covers."""
@@ -49,24 +49,24 @@ _FOREIGN_HINTS = (
 
 
 class Misfit(NamedTuple):
-    """An unexpected word with its context."""
+    """An unexpected token with its context."""
 
     file: str
     text: str
     previous: Token
     following: list[Token]
-    """The unexpected word and the look-ahead behind it."""
+    """The unexpected token and the look-ahead behind it."""
     begins: bool
-    """True if the word stands where an item may begin: first on its line, not indented."""
+    """True if the token stands where an item may begin: first on its line, not indented."""
 
     @property
     def word(self) -> Token:
-        """The unexpected word."""
+        """The unexpected token."""
         return self.following[0]
 
     @property
     def before(self) -> Span:
-        """The empty span behind the previous word."""
+        """The empty span behind the previous token."""
         return Span(self.file, self.previous.end, self.previous.end)
 
     def span(self, token: Token) -> Span:
@@ -75,7 +75,7 @@ class Misfit(NamedTuple):
 
 
 def unexpected(automaton: Automaton, misfit: Misfit) -> tuple[str, Span, str | None]:
-    """Return message, span and hint for an unexpected word."""
+    """Return message, span and hint for an unexpected token."""
     word = misfit.word
     span = misfit.span(word)
     if word.kind == OPEN_STRING:
@@ -94,7 +94,7 @@ def unexpected(automaton: Automaton, misfit: Misfit) -> tuple[str, Span, str | N
 
 
 def quoted(word: Token) -> str:
-    """Return a word as messages quote it."""
+    """Return a token as messages quote it."""
     if word.kind == END:
         return "the end of the file"
     if word.kind == UNKNOWN and not word.text.isprintable():

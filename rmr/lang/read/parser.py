@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rmr.lang.read.repair import Repair
 
 AHEAD_MAX = 64
-"""Look-ahead of a repair: words read behind the unexpected one."""
+"""Look-ahead of a repair: tokens read behind the unexpected one."""
 
 NESTING_MAX = 100
 """Depth of nested brackets and operators: deeper is a mistake, or an attack on the call stack."""
@@ -35,7 +35,7 @@ STATES_MAX = 8 * NESTING_MAX
 """States on the automaton's stack within one item; a level of brackets takes about five."""
 
 ITEM_WORDS_MAX = 100_000
-"""Words of one item; no real rule or list is as long."""
+"""Tokens of one item; no real rule or list is as long."""
 
 REPAIRS_MAX = 4
 """Repairs of one item: with more errors the intention is no longer clear."""
@@ -49,8 +49,8 @@ BROKEN_MAX = 10
 ITEMS_MAX = 100_000
 """Items of one program; far more initial facts than a robot holds."""
 
-BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
-"""Kinds of words that occur only as the first word of an item: synchronisation points of the recovery."""
+BEGINNINGS = frozenset(["TYPE", "CONST", "FUN", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
+"""Kinds of tokens that occur only as the first token of an item: synchronisation points of the recovery."""
 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
@@ -68,13 +68,13 @@ class _Parser:
         self._found = found
         self._words = tokens(source.text)
         self._ahead: deque[Token] = deque()
-        """Words of the look-ahead that are not consumed yet."""
+        """Tokens of the look-ahead that are not consumed yet."""
         self._builder = Builder(source.file, found)
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
         self._is_uncertain = False
-        """A repair of this item dropped words, so that its meaning may differ from the intended one."""
+        """A repair of this item dropped tokens, so that its meaning may differ from the intended one."""
         self._is_lost = False
         """The parser has given up, and has reported why."""
         self._are_comments_foreign = False
@@ -109,7 +109,7 @@ class _Parser:
         self._found.report(code, f"{message}: what follows is not read", span, hint=hint)
         self._is_lost = True
 
-    # ---- words
+    # ---- tokens
 
     def _next(self) -> Token:
         return self._ahead.popleft() if self._ahead else next(self._words)
@@ -120,7 +120,7 @@ class _Parser:
         return [word, *islice(self._ahead, AHEAD_MAX)]
 
     def _begins(self, word: Token, previous: Token, first: Token) -> bool:
-        """Whether `word` is the first on its line and indented no further than the item's `first` word."""
+        """Whether `word` is the first on its line and indented no further than the item's `first` token."""
         if self._source.text.find("\n", previous.end, word.start) < 0:
             return False
         (_, column), (_, own) = (self._source.position(each.start) for each in (word, first))
@@ -148,8 +148,8 @@ class _Parser:
                 previous = word
                 word = self._next()
                 continue
-            # In order: a known habit of another language, which replaces words of the item and parses it again;
-            # a repair at the unexpected word; panic mode.
+            # In order: a known habit of another language, which replaces tokens of the item and parses it again;
+            # a repair at the unexpected token; panic mode.
             misfit = self._misfit(first, previous, word)
             habit = self._habit(read, misfit) if repairs else None
             if habit is not None and habit.patch is not None:
@@ -170,11 +170,11 @@ class _Parser:
 
     def _finished(self, item: Item, count: int) -> Item | None:
         self._builder.finish()
-        # After a repair that dropped words, findings of later phases about this item would be guesses.
+        # After a repair that dropped tokens, findings of later phases about this item would be guesses.
         if self._is_uncertain:
             self._break(item.span.start, item.span.end)
             self._found.keep_syntax_errors_only(item.span)
-        # No item is deeper than it has words; the walk is needed for long ones only.
+        # No item is deeper than it has tokens; the walk is needed for long ones only.
         if count <= NESTING_MAX or not _is_deep(item):
             return item
         self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
@@ -206,7 +206,7 @@ class _Parser:
         return found
 
     def _foreign_comment(self, words: list[Token], at: int) -> "Habit | None":
-        """Return the report of a comment of another language at the misfit or before it on its line."""
+        """Return the report of a comment of another language at the unexpected token or before it on its line."""
         from rmr.lang.read.habits import Habit
 
         if self._are_comments_foreign:
@@ -223,7 +223,7 @@ class _Parser:
         return Habit(f"unexpected `{written}`", span, "comments begin with `//`", (sign.start, sign.start, ()))
 
     def _read_instead(self, first: Token, read: list[Token], habit: "Habit") -> None:
-        """Rewind to the beginning of the item, with the habit's patch in place; `read` are its words so far."""
+        """Rewind to the beginning of the item, with the habit's patch in place; `read` are its tokens so far."""
         if self._are_comments_foreign and habit.patch == (habit.span.start, habit.span.start, ()):
             self._ahead.clear()
             self._words = without_foreign_comments(tokens(self._source.text, first.start), self._source.text)
@@ -244,7 +244,7 @@ class _Parser:
         return Misfit(self._source.file, self._source.text, previous, self._following(word), begins)
 
     def _is_repaired(self, misfit: "Misfit") -> bool:
-        """Whether the unexpected word could be repaired; if so, report it and put the replacement before the input."""
+        """Whether the unexpected token could be repaired; if so, report it and put the replacement before the input."""
         from rmr.lang.read.repair import repair
 
         if self._repairs == 0 or misfit.word.kind == OPEN_COMMENT:
@@ -269,7 +269,7 @@ class _Parser:
         return is_known
 
     def _give_up(self, first: Token, misfit: "Misfit", *, reported: bool) -> None:
-        """Report a misfit, unless it is reported already, and skip the rest of its item."""
+        """Report an unexpected token, unless it is reported already, and skip the rest of its item."""
         from rmr.lang.read.misfit import unexpected
 
         if reported or self._is_uncertain:
@@ -291,7 +291,7 @@ class _Parser:
         self._break(word.start, word.end)
 
     def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
-        """Skip to the end of an item, from `word` on (panic mode); `count` words of it have been read."""
+        """Skip to the end of an item, from `word` on (panic mode); `count` tokens of it have been read."""
         while word.kind != END and not self._ends(word) and not self._is_beginning(first, previous, word):
             previous = word
             word = self._next()
@@ -305,7 +305,7 @@ class _Parser:
         self._break(first.start, previous.end)
 
     def _ends(self, word: Token) -> bool:
-        """Whether a skipped word ends its item: a full stop does, the point in `robot.x` does not."""
+        """Whether a skipped token ends its item: a full stop does, the point in `robot.x` does not."""
         if word.kind != "DOT":
             return False
         before = self._source.text[word.start - 1 : word.start]

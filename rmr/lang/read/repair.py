@@ -1,6 +1,6 @@
-"""Phrase-level error recovery: the best local repair of an unexpected word, so that the rest of the item is parsed.
+"""Phrase-level error recovery: the best local repair of an unexpected token, so that the rest of the item is parsed.
 
-Candidates: insert a comma, full stop or bracket before the word; replace the word; delete it; delete the comma before
+Candidates: insert a comma, full stop or bracket before the token; replace the token; delete it; delete the comma before
 it. Each gets a trial parse of the look-ahead. The one that gets furthest wins, the first of equal ones, provided that
 it gets far enough to be credible. One mistake thus gives one message, and semantic errors of the same item are found.
 """
@@ -16,7 +16,7 @@ from rmr.lang.read.misfit import OR_HINT, Misfit, foreign_hint, quoted, unexpect
 from rmr.lang.read.source_text import Span
 
 SURE = 3
-"""Words that must fit behind a repair to make it credible, unless they complete the item."""
+"""Tokens that must fit behind a repair to make it credible, unless they complete the item."""
 
 CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
 """Closing brackets that a repair inserts, with their opening ones."""
@@ -37,18 +37,18 @@ MEANT = {
 
 
 class Repair(NamedTuple):
-    """A replacement for the unexpected word, with its report."""
+    """A replacement for the unexpected token, with its report."""
 
     words: tuple[Token, ...]
-    """The words to read in place of the unexpected one."""
+    """The tokens to read in place of the unexpected one."""
     message: str
     span: Span
     hint: str | None = None
     notes: tuple[DiagnosticNote, ...] = ()
     forget: int = 0
-    """Number of words before it to delete."""
+    """Number of tokens before it to delete."""
     uncertain: bool = False
-    """True if a meaningful word is deleted or reinterpreted: the repaired item may differ from the intended one."""
+    """True if a meaningful token is deleted or reinterpreted: the repaired item may differ from the intended one."""
     renames: bool = False
     """True if the repair lower-cases the capital letter of a name."""
 
@@ -105,7 +105,7 @@ def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
 
 
 def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    """Yield the insertion of a full stop: the unexpected word begins the next item."""
+    """Yield the insertion of a full stop: the unexpected token begins the next item."""
     if not automaton.feed(automaton.states[:], "DOT"):
         return
     where = "at the end of the file" if misfit.word.kind == END else f"before {quoted(misfit.word)}"
@@ -130,7 +130,7 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
         opening = automaton.unclosed(CLOSING[kind])
         hint = None
         notes = () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
-    # The inserted word itself earns nothing.
+    # The inserted token itself earns nothing.
     yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
 
 

@@ -82,7 +82,25 @@ class ListTerm:
     span: Span
 
 
-Expression = Variable | Literal | Call | Unary | Binary | ListTerm
+@record
+class Binding:
+    """``X = value`` in a let."""
+
+    variable: Variable
+    value: "Expression"
+    span: Span
+
+
+@record
+class LetTerm:
+    """``let X = value, ... in body``; each value may use the variables before it."""
+
+    bindings: tuple[Binding, ...]
+    body: "Expression"
+    span: Span
+
+
+Expression = Variable | Literal | Call | Unary | Binary | ListTerm | LetTerm
 
 
 # ---- facts in rules
@@ -106,7 +124,7 @@ class FactNode:
     span: Span
     mark: Mark = Mark.NONE
     absent: bool = False
-    """``not p(...)``."""
+    """``not p(...)``; in a head ``not ?p(...)``, which withdraws a goal."""
 
     @property
     def owner(self) -> Expression | None:
@@ -122,7 +140,34 @@ class Condition:
     span: Span
 
 
-Conjunct = FactNode | Condition
+@record
+class FoldNode:
+    """``count(p(R, X), X > 2)`` within a condition, or ``not (p(R, X), X > 2)``.
+
+    Made of calls by `rmr.lang.analyse.bare_conditions`, where it is known which names are functions.
+    """
+
+    operator: Name
+    term: Expression | None
+    body: "tuple[Conjunct, ...]"
+    span: Span
+    result: Variable | None = None
+    """The variable that stands for it in the condition; None for ``not``."""
+
+
+Conjunct = FactNode | Condition | FoldNode
+
+
+def conjunct_of(part: Expression) -> Conjunct:
+    """Return the conjunct that an expression is where one stands alone."""
+    # A call alone is a fact; a call in parentheses, `(f(X))`, is a Boolean function.
+    if isinstance(part, Call) and not part.grouped:
+        return FactNode(part.name, part.arguments, part.span)
+    if isinstance(part, Unary) and part.operator == "not" and isinstance(part.operand, Call):
+        call = part.operand
+        if not call.grouped:
+            return FactNode(call.name, call.arguments, part.span, absent=True)
+    return Condition(part, part.span)
 
 
 @record
@@ -151,11 +196,32 @@ class AggregateNode:
     term: Expression | None
     result: Variable
     body: tuple[Conjunct, ...]
-    head: FactNode
+    head: tuple[FactNode, ...]
     span: Span
 
 
-HeadItem = FactNode | StepsNode | ComprehensionNode | AggregateNode
+@record
+class ChoiceNode:
+    """``if condition then head else head end``; without ``else`` the second head is empty."""
+
+    condition: Expression
+    then: "tuple[HeadItem, ...]"
+    otherwise: "tuple[HeadItem, ...]"
+    span: Span
+
+
+PlainHeadItem = FactNode | StepsNode | ComprehensionNode | AggregateNode
+HeadItem = PlainHeadItem | ChoiceNode
+
+
+def flat(head: "tuple[HeadItem, ...]") -> Iterator[PlainHeadItem]:
+    """Yield the items of a head in source order, those of both branches of a choice included."""
+    for part in head:
+        if isinstance(part, ChoiceNode):
+            yield from flat(part.then)
+            yield from flat(part.otherwise)
+        else:
+            yield part
 
 
 # ---- items
@@ -177,6 +243,8 @@ class Parameter:
     variable: Variable | None
     type: TypeName
     span: Span
+    extreme: str = ""
+    """``min`` or ``max``: of facts that differ in this argument only the best is kept."""
 
 
 class Declared(Enum):
@@ -190,7 +258,10 @@ class Declared(Enum):
 
 @record
 class TypeDeclaration:
-    """``type p(...)``, ``type !p(...)``, ``type sensor p(...)``, or an action type with its effects."""
+    """``type p(...)``, ``type !p(...)``, ``type sensor p(...)``, or an action type with its effects.
+
+    ``unordered`` behind ``type`` marks what may overtake, and be overtaken by, what else is sent to the same robot.
+    """
 
     kind: Declared
     name: Name
@@ -198,6 +269,8 @@ class TypeDeclaration:
     span: Span
     effects: tuple[FactNode, ...] = ()
     else_effects: tuple[FactNode, ...] = ()
+    unordered: Span | None = None
+    """The place of the token."""
 
 
 @record
@@ -206,6 +279,26 @@ class ConstantItem:
 
     name: Name
     value: Expression
+    span: Span
+
+
+@record
+class Formal:
+    """A parameter of a function: ``X`` or ``X: float``."""
+
+    variable: Variable
+    type: TypeName | None
+    span: Span
+
+
+@record
+class FunctionItem:
+    """``fun dist(X, Y) = hypot(X, Y).``"""
+
+    name: Name
+    parameters: tuple[Formal, ...]
+    result: TypeName | None
+    body: Expression
     span: Span
 
 
@@ -263,7 +356,17 @@ class StrategyItem:
     span: Span
 
 
-Item = TypeDeclaration | ConstantItem | IncludeItem | FactItem | GoalItem | RuleItem | AssertionItem | StrategyItem
+Item = (
+    TypeDeclaration
+    | ConstantItem
+    | IncludeItem
+    | FactItem
+    | GoalItem
+    | RuleItem
+    | AssertionItem
+    | StrategyItem
+    | FunctionItem
+)
 
 
 @record

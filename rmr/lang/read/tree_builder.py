@@ -9,6 +9,7 @@ escapes and heads like `2`.
 import math
 import re
 from dataclasses import replace
+from itertools import chain
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.lang.diagnostics.diagnostic import Diagnostics
@@ -23,6 +24,8 @@ RESERVED = frozenset(
         "sensor",
         "list",
         "const",
+        "fun",
+        "let",
         "include",
         "order",
         "assert",
@@ -35,6 +38,9 @@ RESERVED = frozenset(
     ]
 )
 """Reserved words: they are never names (see the language reference)."""
+
+EXTREMES = ("min", "max")
+"""Tokens before the type of an argument by which the best fact is chosen."""
 
 SECONDS = {"s": 1, "min": 60}
 """Seconds per unit of a time literal; milliseconds are scaled in the exponent instead."""
@@ -90,15 +96,27 @@ class Builder:
     # ---- items
 
     def type_declaration(
-        self, span: Span, mark: Token | None, name: Token, parameters: tuple[syntax.Parameter, ...]
+        self,
+        span: Span,
+        unordered: Token | None,
+        mark: Token | None,
+        name: Token,
+        parameters: tuple[syntax.Parameter, ...],
     ) -> syntax.TypeDeclaration:
         kinds = {"!": syntax.Declared.PERSISTENT, "sensor": syntax.Declared.SENSED}
         kind = kinds[mark.text] if mark is not None else syntax.Declared.TEMPORARY
-        return syntax.TypeDeclaration(kind, self._name(name), parameters, span)
+        place = None if unordered is None else self._token_span(unordered)
+        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, unordered=place)
+
+    def type_called_unordered(
+        self, span: Span, name: Token, parameters: tuple[syntax.Parameter, ...]
+    ) -> syntax.TypeDeclaration:
+        return self.type_declaration(span, None, None, name, parameters)
 
     def action_declaration(
         self,
         span: Span,
+        unordered: Token | None,
         name: Token,
         parameters: tuple[syntax.Parameter, ...],
         _arrow: Token | None,
@@ -106,13 +124,26 @@ class Builder:
         otherwise: tuple[syntax.FactNode, ...] | None,
     ) -> syntax.TypeDeclaration:
         kind = syntax.Declared.ACTION
-        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, effects or (), otherwise or ())
+        place = None if unordered is None else self._token_span(unordered)
+        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, effects or (), otherwise or (), place)
 
-    def parameters(self, _span: Span, *parameters: syntax.Parameter | None) -> tuple[syntax.Parameter, ...]:
-        return tuple(parameter for parameter in parameters if parameter is not None)
+    def parameters(self, _span: Span, *parameters: tuple[syntax.Parameter, ...] | None) -> tuple[syntax.Parameter, ...]:
+        return tuple(chain.from_iterable(each for each in parameters if each is not None))
 
-    def parameter(self, span: Span, variable: Token | None, kind: syntax.TypeName) -> syntax.Parameter:
-        return syntax.Parameter(None if variable is None else self._variable(variable), kind, span)
+    def parameter(
+        self, span: Span, variable: Token | None, extreme: Token | None, kind: syntax.TypeName
+    ) -> tuple[syntax.Parameter, ...]:
+        """Return the parameter; two of them if the token before the type is a type itself, and a comma is missing."""
+        named = None if variable is None else self._variable(variable)
+        if extreme is None or extreme.text in EXTREMES:
+            return (syntax.Parameter(named, kind, span, "" if extreme is None else extreme.text),)
+        hint = "`,` stands between arguments, between conditions, and between what a head derives"
+        at = Span(self._file, extreme.end, extreme.end)
+        self._found.report("E001", f"a `,` is missing before `{kind.name}`", at, hint=hint)
+        first = self._token_span(extreme)
+        whole = first if named is None else named.span.to(first)
+        before = syntax.Parameter(named, syntax.TypeName(extreme.text, None, first), whole, "")
+        return before, syntax.Parameter(None, kind, kind.span, "")
 
     def type_name(self, span: Span, word: Token, element: syntax.TypeName | None = None) -> syntax.TypeName:
         text = "list" if element is not None else self._name(word).text
@@ -126,6 +157,22 @@ class Builder:
 
     def constant(self, span: Span, name: Token, value: syntax.Expression) -> syntax.ConstantItem:
         return syntax.ConstantItem(self._name(name), value, span)
+
+    def function(
+        self,
+        span: Span,
+        name: Token,
+        parameters: tuple[syntax.Formal, ...],
+        result: syntax.TypeName | None,
+        body: syntax.Expression,
+    ) -> syntax.FunctionItem:
+        return syntax.FunctionItem(self._name(name), parameters, result, body, span)
+
+    def formals(self, _span: Span, *formals: syntax.Formal | None) -> tuple[syntax.Formal, ...]:
+        return tuple(formal for formal in formals if formal is not None)
+
+    def formal(self, span: Span, variable: Token, kind: syntax.TypeName | None) -> syntax.Formal:
+        return syntax.Formal(self._variable(variable), kind, span)
 
     def include(self, span: Span, path: Token) -> syntax.IncludeItem:
         return syntax.IncludeItem(self._unescape(path), span)
@@ -164,27 +211,29 @@ class Builder:
 
     # ---- bodies and heads
 
-    def body(self, _span: Span, *conjuncts: syntax.FactNode | syntax.Expression) -> tuple[syntax.Conjunct, ...]:
+    def body(
+        self, _span: Span, *conjuncts: syntax.FactNode | syntax.FoldNode | syntax.Expression
+    ) -> tuple[syntax.Conjunct, ...]:
         return tuple(self._conjunct(conjunct) for conjunct in conjuncts)
 
-    def _conjunct(self, part: syntax.FactNode | syntax.Expression) -> syntax.Conjunct:
-        if isinstance(part, syntax.FactNode):
+    def _conjunct(self, part: syntax.FactNode | syntax.FoldNode | syntax.Expression) -> syntax.Conjunct:
+        if isinstance(part, syntax.FactNode | syntax.FoldNode):
             return part
-        # A call alone is a fact; a call in parentheses, `(f(X))`, is a Boolean function.
-        if isinstance(part, syntax.Call) and not part.grouped:
-            return syntax.FactNode(part.name, part.arguments, part.span)
-        if isinstance(part, syntax.Unary) and part.operator == "not" and isinstance(part.operand, syntax.Call):
-            call = part.operand
-            if call.grouped:
-                return syntax.Condition(part, part.span)
-            return syntax.FactNode(call.name, call.arguments, part.span, absent=True)
-        return syntax.Condition(part, part.span)
+        return syntax.conjunct_of(part)
 
     def marked(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark)
 
     def absent(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark, absent=True)
+
+    def absent_all(
+        self,
+        span: Span,
+        first: syntax.FactNode | syntax.FoldNode | syntax.Expression,
+        others: tuple[syntax.Conjunct, ...],
+    ) -> syntax.FoldNode:
+        return syntax.FoldNode(syntax.Name("count", span), None, (self._conjunct(first), *others), span)
 
     def observed(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark)
@@ -195,6 +244,9 @@ class Builder:
             call = call.arguments[0]
         return self._fact(span, call, mark)
 
+    def withdrawn(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
+        return self._fact(span, call, mark, absent=True)
+
     def head(self, _span: Span, *items: syntax.HeadItem | None) -> tuple[syntax.HeadItem, ...]:
         return tuple(item for item in items if item is not None)
 
@@ -202,6 +254,15 @@ class Builder:
         if number.text != "1":
             message = f"a head is a list of facts, or `1` for nothing, not `{number.text}`"
             self._found.report("E001", message, self._token_span(number), hint="write `1`")
+
+    def choice(
+        self,
+        span: Span,
+        condition: syntax.Expression,
+        then: tuple[syntax.HeadItem, ...],
+        otherwise: tuple[syntax.HeadItem, ...] | None,
+    ) -> syntax.ChoiceNode:
+        return syntax.ChoiceNode(condition, then, otherwise or (), span)
 
     def steps(self, span: Span, *derived: syntax.FactNode) -> syntax.FactNode | syntax.StepsNode:
         return derived[0] if len(derived) == 1 else syntax.StepsNode(derived, span)
@@ -228,7 +289,7 @@ class Builder:
         term: syntax.Expression | None,
         result: Token,
         body: tuple[syntax.Conjunct, ...],
-        head: syntax.FactNode,
+        head: tuple[syntax.FactNode, ...],
     ) -> syntax.AggregateNode:
         name = self._name(operator)
         return syntax.AggregateNode(name, term, self._variable(result), body, head, span)
@@ -240,6 +301,15 @@ class Builder:
     ) -> syntax.Expression:
         spelling = "!=" if operator.text == "<>" else operator.text
         return syntax.Binary(spelling, left, right, span)
+
+    def let(self, span: Span, *parts: syntax.Binding | syntax.Expression) -> syntax.LetTerm:
+        bindings = tuple(part for part in parts if isinstance(part, syntax.Binding))
+        body = parts[-1]
+        assert not isinstance(body, syntax.Binding)
+        return syntax.LetTerm(bindings, body, span)
+
+    def binding(self, span: Span, variable: Token, value: syntax.Expression) -> syntax.Binding:
+        return syntax.Binding(self._variable(variable), value, span)
 
     def negation(self, span: Span, operand: syntax.Expression) -> syntax.Expression:
         return syntax.Unary("not", operand, span)

@@ -10,9 +10,25 @@ from functools import partial
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue, same
+from rmr.bytecode.octets import identity
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
+from rmr.bytecode.program import (
+    SELF_SLOT,
+    Atom,
+    Base,
+    Bind,
+    Code,
+    Conjunct,
+    Fold,
+    Guard,
+    Mode,
+    Operator,
+    Predicate,
+    Slot,
+    Type,
+)
 from rmr.vm import match
+from rmr.vm.aggregate import reduced
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.fact_tables import FactTable, Positions, candidates, index_key
@@ -30,27 +46,30 @@ from rmr.vm.generate.form import (
     Try,
     column,
 )
-from rmr.vm.generate.known import Known
+from rmr.vm.generate.known import NOTHING, Known
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import AtomStep, plan_atom
 
 ME = "me"
 """The local variable that holds the robot itself."""
 
+ONCE = (None,)
+"""The sequence of a loop that runs once."""
+
 Placed = tuple[int, Conjunct]
 """A conjunct and its place in the body's text."""
 
 
 class BoundSlots:
-    """What a generated function has in a rule's slots."""
+    """The slots of a rule that are bound at a place of a generated function: their names and abstract values."""
 
     def __init__(self, outer: "BoundSlots | None" = None) -> None:
         """Begin with the robot itself, or with all that is bound in `outer`."""
         self.names: dict[int, Reference] = dict(outer.names) if outer else {SELF_SLOT: Local(ME)}
         self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
-        """What is known of the values where the next conjunct stands, behind the conditions before it."""
+        """Abstract values of the slots at the next conjunct, narrowed by the conditions before it."""
         self.declared: dict[int, Known] = dict(self.known)
-        """What is known of the values that atoms bind by the declarations alone."""
+        """Abstract values of the slots that atoms bind, by the declarations alone."""
 
     def expression(self, code: Code, pool: Pool) -> Source:
         """Return the source of an expression."""
@@ -95,7 +114,7 @@ class Body:
         """The indices that are probed: each is to be in a variable of its name."""
         self._fact = fact
         self._skip = leave
-        self._may_index = may_index
+        self.may_index = may_index
         self._counted = counted
         self._places: list[tuple[int, int]] = []
         """Of the facts found: place, predicate."""
@@ -137,6 +156,8 @@ class Body:
                     self._guard(place, conjunct)
                 elif isinstance(conjunct, Bind):
                     self._bind(place, conjunct)
+                elif isinstance(conjunct, Fold):
+                    self._fold(place, conjunct)
                 elif conjunct.mode is Mode.ABSENT:
                     self._absent(conjunct)
                 else:
@@ -177,6 +198,29 @@ class Body:
         self._trying(place, source, Assign(name, source.text))
         self.slots.names[bind.slot] = Local(name)
         self.slots.known[bind.slot] = source.known
+
+    def _fold(self, place: int, fold: Fold) -> None:
+        """Write the search of a fold, and what its matches are reduced to: a pseudo-fact, as the interpreter's."""
+        build = self.build
+        fact = f"{self._fact}{place}"
+        values = f"v{place}"
+        inner = FoldBody(self, place, counted=True)
+        build(Assign(values, "[]"))
+        with build.loop("_", self.pool.helper("ONCE", ONCE)):  # so that `continue` leaves the search
+            inner.seek(list(enumerate(fold.body)), lambda: inner.gather(fold, values))
+        self.uses.update(inner.uses)
+        work = f"{self.pool.helper('reduced', reduced)}({self.pool.object(fold.operator)}, {values})"
+        source = Source(work, NOTHING, fails=fold.operator is not Operator.COUNT)
+        if fold.operator is Operator.COUNT:
+            source = Source(f"len({values})", Known(Type(Base.INT)), fails=False)
+        build(If("vm.looks < 0", (self._skip,)))
+        self._trying(place, source, Assign("value", source.text))
+        if fold.operator in (Operator.MIN, Operator.MAX):
+            build(If("value is None", (self._skip,)))
+        build(Assign(fact, f"(True, {self.pool.helper('identity', identity)}(value), value)"))
+        self.facts[place] = fact
+        self.slots.names[fold.result] = Column(fact, 0)
+        self.slots.known[fold.result] = source.known
 
     def _trying(self, place: int, source: Source, statement: Statement) -> None:
         report = self.report(place) if source.fails else None
@@ -273,7 +317,7 @@ class Body:
         # An index on joined slots is selective and shared by rules; constants alone are indexed only without joins.
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
-        if not positions or table.queued or not (self._may_index or positions in table.indices):
+        if not positions or table.queued or not (self.may_index or positions in table.indices):
             return (f"counted(vm, {table.facts})" if self._counted else table.facts), ()
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])
@@ -281,6 +325,45 @@ class Body:
         self.uses.setdefault(table.indices[positions])
         # A bucket holds what Python calls equal: with open types (strict) the columns must be compared all the same.
         return text, () if step.strict else positions
+
+
+class FoldBody(Body):
+    """The search for the matches of a fold, inside of the search of a body."""
+
+    def __init__(self, outer: Body, place: int, *, counted: bool) -> None:
+        slots = BoundSlots(outer.slots)
+        fact = f"i{place}_"
+        super().__init__(
+            outer.build,
+            outer.pool,
+            outer.tables,
+            slots,
+            Continue(),
+            fact=fact,
+            may_index=outer.may_index,
+            counted=counted,
+        )
+        self._outer = outer
+        self._place = place
+
+    def report(self, place: int) -> Evaluate | None:
+        """Return the call that reports a failure: it is one of the fold."""
+        del place
+        return self._outer.report(self._place)
+
+    def gather(self, fold: Fold, values: str) -> None:
+        """Write that the value of a match is kept."""
+        if fold.term is None:
+            self.build(Evaluate(f"{values}.append(1)"))
+            return
+        term = self.slots.expression(fold.term, self.pool)
+        self._trying(self._place, term, Evaluate(f"{values}.append({term.text})"))
+
+
+def places_of(body: Sequence[Conjunct]) -> list[int]:
+    """Return the places of the conjuncts that a fact or the pseudo-fact of a fold stands for in a match."""
+    atoms = [place for place, _ in positives(body)]
+    return atoms + [place for place, each in enumerate(body) if isinstance(each, Fold)]
 
 
 def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:
@@ -318,4 +401,5 @@ def slots_of(conjunct: Conjunct) -> set[int]:
     """Return the slots that a conjunct names."""
     if isinstance(conjunct, Atom):
         return {pattern.index for pattern in conjunct.args if isinstance(pattern, Slot)}
+    assert not isinstance(conjunct, Fold)  # only rules that are joined or gated ask, and those have none
     return {each.operand for each in conjunct.code if each.op is Op.LOAD and isinstance(each.operand, int)}

@@ -19,9 +19,9 @@ class FormBuilder:
 
     def __init__(self) -> None:
         self._blocks: list[list[Statement]] = [[]]
-        """The block that statements are added to, behind those that it stands in."""
+        """The open blocks, the outermost first; statements are added to the last one."""
         self._makes: list[Make] = []
-        """What the open blocks become, the outermost first."""
+        """The constructors that make a statement of each open block when it is closed, the outermost first."""
 
     def __call__(self, *statements: Statement) -> None:
         """Add statements to the block."""

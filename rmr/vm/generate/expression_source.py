@@ -9,15 +9,18 @@ from collections.abc import Mapping
 
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Code
+from rmr.bytecode.program import Code, OwnFunction
+from rmr.vm.derive import draws_in
 from rmr.vm.evaluate import evaluate
-from rmr.vm.generate.form import Local, Reference
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.form import If, Local, Raise, Reference, Return, Update, tuple_of
 from rmr.vm.generate.function_source import called
 from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
 from rmr.vm.generate.narrow import assumed
 from rmr.vm.generate.operators import binary, listed, truth, unary
-from rmr.vm.generate.source import Pool, Source, fails
+from rmr.vm.generate.source import DRAWS, Pool, Source, fails
 from rmr.vm.generate.trees import Tree, tree
+from rmr.vm.own_functions import CALLS_MAX, NESTED_CALLS_MAX, beyond
 
 
 def expression(code: Code, names: Mapping[int, Reference], known: Mapping[int, Known], pool: Pool) -> Source:
@@ -30,6 +33,27 @@ def expression(code: Code, names: Mapping[int, Reference], known: Mapping[int, K
     if structure is None:
         return _interpreted(code, names, pool)
     return _Writer(names, pool).write(structure, known)
+
+
+def write_function(build: FormBuilder, index: int, function: OwnFunction, pool: Pool) -> None:
+    """Write a function of the program, whose code has a tree.
+
+    Beside its arguments it takes the instant, how many calls are left, in a list, and how many calls it is within.
+    """
+    args = [f"a{place}" for place in range(function.arity)]
+    names: dict[int, Reference] = {place: Local(arg) for place, arg in enumerate(args)}
+    structure = tree(function.code)
+    assert structure is not None
+    source = _Writer(names, pool, "left, depth + 1").write(structure, {})
+    refused = Raise(f"{pool.helper('beyond', beyond)}({function.name!r}, depth, {tuple_of(args)})")
+    with build.function(own_name(index), "now", "left", "depth", *args):
+        build(Update("left[0]", "-", "1"), If(f"depth > {NESTED_CALLS_MAX} or left[0] < 0", (refused,)))
+        build(Return(source.text))
+
+
+def own_name(index: int) -> str:
+    """Return the name of the Python function for a function of the program."""
+    return f"own{index}"
 
 
 def condition(code: Code, names: Mapping[int, Reference], known: Mapping[int, Known], pool: Pool) -> Source:
@@ -47,6 +71,8 @@ def _interpreted(code: Code, names: Mapping[int, Reference], pool: Pool) -> Sour
     """Return a call of the interpreter."""
     used = {each.operand: True for each in code if each.op is Op.LOAD and isinstance(each.operand, int)}
     slots = "".join(f"{names[slot].text if slot in used else None}, " for slot in range(max(used, default=-1) + 1))
+    if draws_in(code):
+        slots += f"{DRAWS}, "
     text = f"{pool.helper('evaluate', evaluate)}({pool.object(code)}, ({slots.rstrip()}), now)"
     return Source(text, NOTHING, True)
 
@@ -54,9 +80,11 @@ def _interpreted(code: Code, names: Mapping[int, Reference], pool: Pool) -> Sour
 class _Writer:
     """Writes trees with the same names; what is known differs from branch to branch."""
 
-    def __init__(self, names: Mapping[int, Reference], pool: Pool) -> None:
+    def __init__(self, names: Mapping[int, Reference], pool: Pool, bounds: str = f"[{CALLS_MAX}], 1") -> None:
+        """`bounds` are the arguments of calls of the program's functions that count and bound them."""
         self._names = names
         self._pool = pool
+        self._bounds = bounds
 
     def write(self, node: Tree, known: Mapping[int, Known]) -> Source:
         """Return the source of `node`; the depth of trees is bounded."""
@@ -75,6 +103,10 @@ class _Writer:
         parts = [self.write(part, known) for part in node.parts]
         if op is Op.LIST:
             return listed(parts, pool)
+        if node.function is not None:
+            assert isinstance(operand, int)
+            args = "".join([f", {part.text}" for part in parts])
+            return Source(f"{own_name(operand)}(now, {self._bounds}{args})", NOTHING, True)
         if op is Op.CALL:
             assert isinstance(operand, int)
             return called(FUNCTIONS[operand], parts, pool)

@@ -10,7 +10,7 @@ at most one rule, are stored in these rules' queues instead of a table.
 from collections.abc import Sequence
 
 from rmr.bytecode.octets import identity
-from rmr.bytecode.program import Kind, Predicate, Program
+from rmr.bytecode.program import Duty, Kind, Predicate, Program
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.form import Assign, AssignAll, Block, Delete, Evaluate, If, Return, column, serial, tuple_of
 from rmr.vm.generate.source import Pool
@@ -31,7 +31,7 @@ class FactTable:
         self.predicate = predicate
         self.arity = len(predicate.types)
         self.linear = predicate.kind is Kind.TEMPORARY
-        self.lasting = predicate.kind is Kind.PERSISTENT
+        self.lasting = predicate.kind is Kind.PERSISTENT and predicate.best is None
         """Its facts never go."""
         self.open = any(map(is_open, predicate.types))
         self.dated = dated
@@ -49,6 +49,8 @@ class FactTable:
         self.queued = False
         """Whether the table is a list of the facts that match no rule; each other fact is in the queue of one rule."""
         self.indices: dict[Positions, str] = {}
+        self.returns: int | None = None
+        """The predicate of which an insertion of this one is, without the consequences of an insertion."""
 
     def key(self, pool: Pool, args: Sequence[str]) -> str:
         """Return what tells a fact of a set apart, given the texts of its arguments."""
@@ -81,7 +83,11 @@ def tables_of(program: Program) -> list[FactTable]:
     """Return the tables of a program."""
     asked = {assertion.finish.predicate for assertion in program.assertions}
     starting = {assertion.start.predicate for assertion in program.assertions}
-    return [FactTable(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
+    tables = [FactTable(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
+    for hidden in program.ensemble:
+        if hidden.duty is Duty.RETURN:
+            tables[hidden.predicate].returns = hidden.other
+    return tables
 
 
 def index_key(positions: Positions, texts: Sequence[str]) -> str:

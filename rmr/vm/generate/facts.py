@@ -50,7 +50,7 @@ class FactWriter:
         self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], readers: Sequence[Sequence[RulePlan]]
     ) -> None:
         """`readers` are, by predicate, the rules that name it in a body (`rmr.vm.generate.plan.readers_of`)."""
-        self.readers = readers
+        self.readers = [readers[table.index if table.returns is None else table.returns] for table in tables]
         self._build = build
         self._pool = pool
         self._tables = tables
@@ -122,7 +122,13 @@ class FactWriter:
         if any(each.long for each in self._tables):
             most = f"({most} or vm.length >= {machine.FACTS_LENGTH_MAX})"
         full = f"{most} and vm.is_full(now)"
-        return full if table.linear else f"(key := {table.key(self._pool, args)}) in {table.name} or {full}"
+        if table.linear:
+            return full
+        known = f"(key := {table.key(self._pool, args)}) in {table.name}"
+        if table.predicate.best is not None:
+            # It removes the fact whose place a better one takes, so that there is room.
+            known = f"vm.is_worse(now, {predicate}, {tuple_of(args)}) or {known}"
+        return f"{known} or {full}"
 
     def add(self, predicate: int, args: Sequence[str], key: str, next_serial: Statement = NEXT_SERIAL) -> None:
         """Write the insertion of a fact that has room, is new and is counted already.
@@ -130,6 +136,8 @@ class FactWriter:
         `next_serial` is the statement that assigns the next serial number to ``s``.
         """
         build = self._build
+        back = self._tables[predicate].returns
+        predicate = predicate if back is None else back
         table = self._tables[predicate]
         build(*[Update("vm.length", "+", f"length({args[place]})") for place in table.long])
         build(next_serial, Assign("f", table.fact("s", args)))
@@ -137,7 +145,7 @@ class FactWriter:
             build(Assign(f"{table.name}[{'s' if table.linear else key}]", "f"))
         write_indexing(build, table, "f")
         self._show(predicate, args)
-        if table.concerned:
+        if table.concerned and back is None:
             build(Evaluate(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
@@ -178,6 +186,8 @@ class FactWriter:
         table = self._tables[predicate]
         readers = self.readers[predicate]
         gates = Gates(self._build)
+        if table.returns is not None:
+            return False
         for plan in readers:
             if plan.way is not Way.SINGLE or plan.once or plan.may_break or predicate in plan.inner:
                 return False

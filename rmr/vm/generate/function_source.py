@@ -11,12 +11,19 @@ from rmr.bytecode.program import Base, Type
 from rmr.vm.generate.known import BOOL, FLOAT, FLOAT_MAX, INT, NOTHING, NUMBERS, Known, comparable, within
 from rmr.vm.generate.operators import in_range, kind_of
 from rmr.vm.generate.ranges import RESULTS, magnitude
-from rmr.vm.generate.source import Pool, Source, fails, movable
+from rmr.vm.generate.source import DRAWS, Pool, Source, fails, movable
 
 Form = Callable[[Function, list[Source], Pool], Source | None]
 """Writes a function in place for arguments whose types fit; None where it cannot."""
 
-_GIVEN = {Gives.INT: Known(INT), Gives.FLOAT: Known(FLOAT), Gives.BOOL: BOOL, Gives.LIST: Known(Type(Base.LIST))}
+_GIVEN = {
+    Gives.INT: Known(INT),
+    Gives.FLOAT: Known(FLOAT),
+    Gives.BOOL: BOOL,
+    Gives.LIST: Known(Type(Base.LIST)),
+    Gives.WIDER_LIST: Known(Type(Base.LIST)),
+    Gives.ROBOT: Known(Type(Base.ROBOT)),
+}
 
 _TAKEN: dict[Takes, tuple[Base, ...]] = {
     Takes.NUMBER: NUMBERS,
@@ -25,6 +32,7 @@ _TAKEN: dict[Takes, tuple[Base, ...]] = {
     Takes.LIST_OR_STRING: (Base.LIST, Base.STRING),
     Takes.SORTABLE_LIST: (Base.LIST,),
     Takes.POSITION: (Base.INT,),
+    Takes.INT: (Base.INT,),
 }
 """The types of an argument that fits; an item may be of any."""
 
@@ -36,6 +44,8 @@ def called(function: Function, args: list[Source], pool: Pool) -> Source:
     """Return a function's value."""
     if function.timed:
         return Source(f"(now / {NS_PER_S})", Known(FLOAT), False)
+    if function.drawn:
+        return Source(f"{DRAWS}.draw()", _known(function), False)
     form = FORMS[function.source] if function.source and _are_fit(function, args) else None
     written = form and form(function, args, pool)
     return written or _by_function(function, args, pool)

@@ -11,24 +11,27 @@ from functools import partial
 
 from rmr.base.values import Value
 from rmr.bytecode.arithmetic import NoValue
+from rmr.bytecode.heads import codes
 from rmr.bytecode.program import (
     SELF,
     Aggregate,
     Atom,
     Comprehension,
     DeriveFact,
+    HeadValue,
     Kind,
     Mode,
     Operator,
     Program,
     Steps,
+    When,
 )
 from rmr.bytecode.program import Derived as Item
-from rmr.bytecode.scope import Scope
+from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm import derive as limits
 from rmr.vm.aggregate import FOLDS, better
-from rmr.vm.derive import HEAD_PART
-from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, positives
+from rmr.vm.derive import HEAD_PART, draws_in
+from rmr.vm.generate.body import ME, ONCE, Body, BoundSlots, begun, loads, places_of, positives
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import (
@@ -47,7 +50,8 @@ from rmr.vm.generate.form import (
 )
 from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
-from rmr.vm.generate.source import Pool
+from rmr.vm.generate.operators import truth
+from rmr.vm.generate.source import DRAWS, Pool, Source
 from rmr.vm.generate.state_layout import RuleFunctions
 from rmr.vm.type_checks import TypeChecks, check_types, type_checks
 
@@ -76,7 +80,7 @@ class HeadWriter:
         self.tables = tables
         self.calls = calls
         atoms = positives(self.rule.body)
-        self._facts = {place: f"f{place}" for place, _ in atoms}
+        self._facts = {place: f"f{place}" for place in places_of(self.rule.body)}
         consumed = [(atom.predicate, self._facts[place]) for place, atom in atoms if atom.mode is Mode.CONSUME]
         self._consumed = [] if calls else [self.removal(predicate, fact) for predicate, fact in consumed]
         self._gone = [serial(fact) for _, fact in consumed] if calls else []
@@ -96,14 +100,36 @@ class HeadWriter:
             slots = write_bindings(build, self.pool, rule, self.tables, self._facts)
             build(Assign("consumed", f"[{', '.join(self._consumed)}]"), Assign("out", "[]"))
             build(AssignAll(("part", "matches"), "0"))
+            if any(map(draws_in, codes(rule.head))):
+                build(Assign(DRAWS, f"vm.draws({self.number})"))
             with build.attempt("NoValue", "reason", self.failed(HEAD_PART, "part", ()), Return("None")):
                 for part, head in enumerate(rule.head):
                     build(Assign("part", str(part)))
-                    if isinstance(head, Inner):
-                        InnerWriter(self, part, head, slots, scope).write()
+                    if isinstance(head, HeadValue):
+                        self.value(head, slots, scope)
+                    elif isinstance(head, When):
+                        condition = Source(slots.names[head.slot].text, slots.known[head.slot], fails=False)
+                        with build.when(truth(condition, self.pool).text):
+                            self.part(part, head.item, slots, scope)
                     else:
-                        self.chain(head.steps if isinstance(head, Steps) else (head,), slots, scope)
+                        self.part(part, head, slots, scope)
                 build(Return("consumed, out"))
+
+    def value(self, head: HeadValue, slots: BoundSlots, scope: Scope) -> None:
+        """Write that a slot gets a value."""
+        source = slots.expression(head.code, self.pool)
+        name = f"h{head.slot}"
+        self.build(Assign(name, source.text))
+        slots.names[head.slot] = Local(name)
+        slots.known[head.slot] = source.known
+        scope.bind(head.slot, UNKNOWN)
+
+    def part(self, part: int, head: Comprehension | Aggregate | Steps | Item, slots: BoundSlots, scope: Scope) -> None:
+        """Write that an item of the head is derived."""
+        if isinstance(head, Inner):
+            InnerWriter(self, part, head, slots, scope).write()
+        else:
+            self.chain(head.steps if isinstance(head, Steps) else (head,), slots, scope)
 
     def chain(self, steps: Sequence[Item], slots: BoundSlots, scope: Scope) -> None:
         """Write that what stands outside of comprehensions is derived."""
@@ -217,7 +243,7 @@ class InnerWriter:
         if self._at_end:
             build(Assign("before", "len(out)"))
         mark = build.mark()
-        with build.loop("_", self._pool.helper("ONCE", (None,))):  # so that `continue` leaves the search
+        with build.loop("_", self._pool.helper("ONCE", ONCE)):  # so that `continue` leaves the search
             self._body.seek(list(enumerate(inner.body)), self._leaf)
         build.insert(mark, loads(self._body))
         if self._at_end:
@@ -300,7 +326,8 @@ class InnerWriter:
                 self._build(Assign("total", f"{fold}(values)"))
                 slots.names[aggregate.result] = Local("total")
             slots.known[aggregate.result] = NOTHING
-            self._head.chain((aggregate.head,), slots, self._scope)
+            for item in aggregate.head:
+                self._head.chain((item,), slots, self._scope)
 
     def _new_slots(self) -> list[int]:
         """Return the slots that the inner body binds."""

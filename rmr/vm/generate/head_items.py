@@ -18,11 +18,16 @@ from rmr.bytecode.program import (
     DeriveAction,
     DeriveFact,
     DeriveGoal,
+    Fold,
     Guard,
+    HeadValue,
     Mode,
+    Operator,
     Program,
     Rule,
     Steps,
+    Type,
+    When,
 )
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
@@ -32,6 +37,7 @@ from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import narrowed
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import Assign, Column, Evaluate, If, Local, Raise, tuple_of
+from rmr.vm.generate.known import NOTHING, Known
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 from rmr.vm.type_checks import check_types, type_checks
@@ -41,7 +47,7 @@ ROLES: dict[type, DerivedKind] = {
     DeriveGoal: DerivedKind.GOAL,
     DeriveAction: DerivedKind.ACTION,
 }
-"""What an item is to the machine (`rmr.vm.derive`)."""
+"""The machine's kind of each item (`rmr.vm.derive`)."""
 
 
 class WrittenItem:
@@ -90,12 +96,12 @@ class WrittenItem:
 def written_items(
     rule: Rule, slots: BoundSlots, program: Program, pool: Pool, tables: Sequence[FactTable]
 ) -> list[list[WrittenItem]] | None:
-    """Return the chains of a head, or None if it has comprehensions or aggregates."""
+    """Return the chains of a head, or None if it has comprehensions, aggregates or conditions."""
     scope = Scope()
     scope.grow(rule.body, program.predicates)
     chains: list[list[WrittenItem]] = []
     for head in rule.head:
-        if isinstance(head, Comprehension | Aggregate):
+        if isinstance(head, Comprehension | Aggregate | HeadValue | When):
             return None
         items = head.steps if isinstance(head, Steps) else (head,)
         chains.append([WrittenItem(item, slots, scope, pool, tables) for item in items])
@@ -114,6 +120,9 @@ def write_bindings(
             build(Assign(f"b{conjunct.slot}", source.text))
             slots.names[conjunct.slot] = Local(f"b{conjunct.slot}")
             slots.known[conjunct.slot] = source.known
+        elif isinstance(conjunct, Fold):
+            slots.names[conjunct.result] = Column(facts[place], 0)
+            slots.known[conjunct.result] = Known(Type(Base.INT)) if conjunct.operator is Operator.COUNT else NOTHING
         elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
             table = tables[conjunct.predicate]
             fact = facts[place]

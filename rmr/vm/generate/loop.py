@@ -8,7 +8,8 @@ computed when the match is found (`rmr.vm.generate.head_functions`).
 from collections.abc import Sequence
 
 from rmr.base.streams import Choices
-from rmr.bytecode.program import Aggregate, Comprehension, DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
+from rmr.bytecode.heads import inner
+from rmr.bytecode.program import DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
 from rmr.vm.generate.body import ME
 from rmr.vm.generate.builder import FormBuilder
@@ -71,6 +72,7 @@ class LoopWriter:
         timed = sum(plan.bit for plan in self._plans if plan.timed and plan.valued)
         with build.function("fire", "vm", "now"):
             build(Assign(ME, "vm.robot"), Assign("emit", "vm._events.append"))
+            build(If("vm._any_goals is not None", (Evaluate("vm._any_goals.begin(now)"),)))
             if self.is_in_loop:
                 build(*[Assign(f"e{plan.index}", "None") for plan in self._plans])
             else:
@@ -78,6 +80,8 @@ class LoopWriter:
             if timed:
                 build(mark_stale(f"vm.ready & {timed}"))
             with build.loop("_", "range(vm._budget)"):
+                if self._program.strategy is Strategy.DEADLINE and self._program.assertions:
+                    build(If("vm.unsettled", (Evaluate("vm.settle_jobs()"),)))
                 build(If("vm.observed", (If("vm.fire_observed(now)", (Continue(),)), Return())))
                 build(self._match_stale())
                 build(Assign("ready", "vm.ready"))
@@ -155,7 +159,9 @@ class LoopWriter:
         build = self._build
         build(Assign("consumed, out", plan.state.valued))
         self._consume(plan, 0)
-        if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
+        if plan.drawn:
+            build(Evaluate(f"vm.drew({plan.index})"))
+        if any(inner(plan.rule.head)):
             build(Loop("call, f", "consumed", (Evaluate("call(vm, now, f)"),)))
         rows = rows_of(plan.rule)
         if rows is None:

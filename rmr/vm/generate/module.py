@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rmr.base.time import Instant
-from rmr.bytecode.program import Kind, Program
+from rmr.bytecode.program import GOALS_OF, Kind, Program
 from rmr.vm.generate.arrivals import write_arrival, write_methods
 from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.expression_source import write_function
 from rmr.vm.generate.fact_tables import FactTable, tables_of, write_probes
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.form import Assign, AssignAll, Block, Define, Evaluate, column
@@ -170,7 +171,7 @@ class Module:
         return LoopWriter(self.program, build, self.pool, self.tables, self.plans, self._facts(build))
 
     def _is_valued(self, plan: RulePlan) -> bool:
-        if plan.way is Way.REMATCH:
+        if plan.way is Way.REMATCH or plan.drawn:
             return True
         build = FormBuilder()
         pool = Pool()
@@ -183,6 +184,8 @@ class Module:
         facts = self._facts(build)
         for plan in self.plans:
             self._waiting[plan.index] = self._search(plan, facts)
+        for index, function in enumerate(self.program.functions):
+            write_function(build, index, function, self.pool)
         self._loop(build).write()
         write_probes(build, self.tables)
         self._write_reset(build)
@@ -228,7 +231,8 @@ class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):
 
     def __missing__(self, predicate: int) -> Callable[[Any, Instant, Args], None]:
         tables = self._module.tables
-        if not 0 <= predicate < len(tables) or tables[predicate].predicate.kind is Kind.ACTION:
+        declared = tables[predicate].predicate if 0 <= predicate < len(tables) else None
+        if declared is None or declared.kind is Kind.ACTION or declared.name.startswith(GOALS_OF):
             return lambda _vm, _now, args: self._refuse(predicate, args)
         arrive = self[predicate] = self._module.arrival(tables[predicate], self._gate)
         return arrive

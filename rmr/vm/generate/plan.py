@@ -19,14 +19,18 @@ from enum import Enum
 from typing import Any
 
 from rmr.bytecode.conform import fits
-from rmr.bytecode.heads import bodies, codes
-from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
-from rmr.vm.generate.body import BoundSlots, Placed, positives, slots_of
+from rmr.bytecode.heads import bodies, codes, folds
+from rmr.bytecode.heads import inner as inner_heads
+from rmr.bytecode.program import Atom, Bind, Fold, Guard, Mode, Program, Rule, Slot, Type
+from rmr.vm.derive import draws_in
+from rmr.vm.generate.body import BoundSlots, Placed, places_of, positives, slots_of
 from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import ARGS, Column, Local, tuple_of
+from rmr.vm.generate.known import NOTHING
 from rmr.vm.generate.source import Pool
 from rmr.vm.generate.state_layout import VM, RuleFunctions, RuleSlots
+from rmr.vm.generate.trees import tree
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom
 from rmr.vm.store import Args, is_open
@@ -58,19 +62,21 @@ class RulePlan:
         """Names of its generated functions."""
         self.atoms = positives(rule.body)
         """The atoms that take a fact, with their places."""
-        self.facts = {place: f"f{place}" for place, _ in self.atoms}
-        """By place, the variables that hold a match's facts."""
+        self.facts = {place: f"f{place}" for place in places_of(rule.body)}
+        """By place, the variables that hold a match's facts, behind them those of its folds."""
         self._args = [slice(ARGS, ARGS + tables[atom.predicate].arity) for _, atom in self.atoms]
         self.consumed = [place for place, atom in self.atoms if atom.mode is Mode.CONSUME]
         self.once = not self.consumed
         """It consumes nothing and fires once for each match."""
         self.timed = any(map(uses_now, codes(rule.head)))
+        self.drawn = any(map(draws_in, codes(rule.head)))
         self.failing = failing(rule, tables)
         """The places of the conjuncts that may have no value."""
         self.absent = [each.predicate for each in rule.body if isinstance(each, Atom) and each.mode is Mode.ABSENT]
-        inner = [head.body for head in rule.head if isinstance(head, Comprehension | Aggregate)]
+        self.folded = any(folds(rule.body))
+        inner = [part.body for part in (*inner_heads(rule.head), *folds(rule.body))]
         self.inner = sorted({each.predicate for body in inner for each in body if isinstance(each, Atom)})
-        """The predicates that comprehensions and aggregates read."""
+        """The predicates that comprehensions, aggregates and folds read."""
         self.way = self._way(tables)
         lasting = all(tables[atom.predicate].lasting for _, atom in self.atoms)
         self.lasting = self.way is Way.JOIN and self.once and lasting and not self.failing
@@ -111,8 +117,8 @@ class RulePlan:
         return [self.slots.last_top, self.slots.joined_up_to] if self.way is Way.JOIN else []
 
     def args_of(self, entry: Iterable[list[Any]]) -> list[Args]:
-        """Return the arguments of each fact of a match."""
-        return [tuple(fact[args]) for fact, args in zip(entry, self._args, strict=True)]
+        """Return the arguments of each fact of a match, without its folds."""
+        return [tuple(fact[args]) for fact, args in zip(entry, self._args, strict=False)]
 
     def names(self) -> list[str]:
         """The fact variables in the order of the atoms."""
@@ -130,7 +136,7 @@ class RulePlan:
         timed = any(
             uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind)
         )
-        if self.absent or not self.atoms or timed:
+        if self.absent or self.folded or not self.atoms or timed:
             return Way.REMATCH
         if len(self.atoms) == 1 and not self.failing:
             return Way.SINGLE
@@ -184,6 +190,9 @@ def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
             slots.known[each.slot] = source.known
             if source.fails:
                 places.append(place)
+        elif isinstance(each, Fold):
+            slots.names[each.result] = Column(f"f{place}", 0)
+            slots.known[each.result] = NOTHING
         elif each.mode is not Mode.ABSENT:
             step = plan_atom(each, predicates, slots.names)
             slots.bind(step, tables[each.predicate], lambda position, place=place: Column(f"f{place}", position))  # type: ignore[misc]
@@ -224,8 +233,8 @@ def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
 
 
 def is_small(program: Program) -> bool:
-    """Return whether source can be generated for a program: no body exceeds Python's nesting limit."""
-    return all(
+    """Return whether source can be generated for a program: neither bodies nor functions exceed Python's nesting."""
+    return all(tree(function.code) is not None for function in program.functions) and all(
         sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX
         for rule in program.rules
         for body in bodies(rule)

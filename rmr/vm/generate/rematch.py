@@ -5,6 +5,7 @@
 
 from collections.abc import Sequence
 
+from rmr.bytecode.heads import folds
 from rmr.bytecode.program import Atom
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
 from rmr.vm.generate.builder import FormBuilder
@@ -55,11 +56,11 @@ class RematchWriter:
         plan = self._plan
         with build.function(plan.functions.each, "vm", "now"):
             build(Assign(ME, "vm.robot"))
-            counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1
+            counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1 or any(folds(plan.rule.body))
             if counted:
                 build(*begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
             mark = build.mark()
             body = ReportingBody(build, self._pool, self._tables, plan, may_index=self._index, counted=counted)
-            entry = plan.entry() if plan.atoms else "()"
+            entry = plan.entry() if plan.facts else "()"
             body.seek(list(enumerate(plan.rule.body)), lambda: build(Yield(entry)))
             build.insert(mark, loads(body))

@@ -13,6 +13,9 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import Known
 
+DRAWS = "draws"
+"""The variable of generated code that holds the numbers of a firing (`rmr.vm.draws`)."""
+
 
 @record
 class Source:
@@ -20,7 +23,7 @@ class Source:
 
     text: str
     known: Known
-    """What is known of its value."""
+    """Abstract value: type and bounds of its value."""
     fails: bool
     """Whether it may raise NoValue; nothing else is ever raised."""
     repeatable: bool = False

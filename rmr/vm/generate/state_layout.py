@@ -21,7 +21,7 @@ class RuleSlots:
         self.kept = f"{prefix}kept{rule}"
         """JOIN, REMATCH: matches found, each a tuple of facts, the oldest last; None before the first search."""
         self.valued = f"{prefix}valued{rule}"
-        """What the next match consumes and derives, if the head is evaluated when the match is found."""
+        """Facts and items that the next match consumes and derives, if heads are evaluated when matches are found."""
         self.current_top = f"{prefix}top{rule}"
         """JOIN: the fact of the first atom below which there may be more matches; None if there is none."""
         self.last_top = f"{prefix}last_top{rule}"

@@ -8,7 +8,7 @@ from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import FORMS, Op
-from rmr.bytecode.program import Code
+from rmr.bytecode.program import Code, OwnFunction
 
 DEPTH_MAX = 40
 """Operations in operations: each writes up to three parentheses, and Python takes 200 in one another."""
@@ -22,6 +22,8 @@ class Tree:
     operand: Value | None
     parts: "tuple[Tree, ...]"
     depth: int
+    function: OwnFunction | None = None
+    """Of APPLY."""
 
 
 class _Unstructured(Exception):  # noqa: N818  (an outcome, not a fault)
@@ -75,7 +77,9 @@ def _stretch(code: Code, start: int, stop: int, nesting: int) -> Tree:
             trees = (_stretch(code, one, other, nesting + 1) for one, other in branches)
             stack.append(_made(op, None, (*_popped(stack, 1), *trees)))
         else:
-            stack.append(_made(op, operand, _popped(stack, _pops(op, operand))))
+            function = instruction.function
+            pops = function.arity if function is not None else _pops(op, operand)
+            stack.append(_made(op, operand, _popped(stack, pops), function))
     if len(stack) != 1:
         raise _Unstructured
     return stack[0]
@@ -110,8 +114,8 @@ def _popped(stack: list[Tree], count: int) -> tuple[Tree, ...]:
     return parts
 
 
-def _made(op: Op, operand: Value | None, parts: tuple[Tree, ...]) -> Tree:
+def _made(op: Op, operand: Value | None, parts: tuple[Tree, ...], function: OwnFunction | None = None) -> Tree:
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > DEPTH_MAX:
         raise _Unstructured
-    return Tree(op, operand, parts, depth)
+    return Tree(op, operand, parts, depth, function)

@@ -148,6 +148,19 @@ def test_the_digest_is_the_same_with_and_without_places_in_the_source() -> None:
     assert digest(plain) == int.from_bytes(blake2b(plain, digest_size=4).digest(), "big")
     textual = encode(replace(traced, strategy=Strategy.TEXTUAL), debug=True)
     assert digest(textual) != digest(debug)
+    deadline = encode(replace(traced, strategy=Strategy.DEADLINE), debug=True)
+    assert digest(deadline) not in (digest(debug), digest(textual))
+    assert deadline[5] == 0x0A
+    assert decode(deadline).strategy is Strategy.DEADLINE
+    assert "flags 0x0a: order deadline, with a debug table" in disassemble(deadline)
+
+
+def test_two_strategies_in_one_file_are_refused() -> None:
+    data = bytearray(encode(replace(sample(), strategy=Strategy.DEADLINE), debug=False))
+    data[5] |= 1
+    data[10:14] = checksum(bytes(data)).to_bytes(4, "little")
+    with pytest.raises(BytecodeError, match="two strategies in the flags 0x09"):
+        decode(bytes(data))
 
 
 def test_file_that_is_no_byte_code_has_no_digest() -> None:
@@ -187,10 +200,12 @@ def test_the_forged_file_is_sound_as_long_as_nothing_is_changed() -> None:
 
 
 FORGED = {
-    "unknown or misplaced kind of head 10": {"rules": (1, b"\x01\x00\x01\x0a")},
+    "unknown or misplaced kind of head 12": {"rules": (1, b"\x01\x00\x01\x0c")},
     "unknown or misplaced kind of head 3": {"rules": (1, b"\x01\x00\x01\x03\x00\x00\x01\x03\x00\x00\x00")},
-    "unknown or misplaced kind of head 4": {"rules": (1, b"\x01\x00\x01\x05\x01\x00\x00\x04\x00\x00")},
-    "unknown kind of conjunct 6": {"rules": (1, b"\x01\x01\x06")},
+    "unknown or misplaced kind of head 4": {"rules": (1, b"\x01\x00\x01\x05\x01\x00\x00\x01\x04\x00\x00")},
+    "unknown kind of conjunct 11": {"rules": (1, b"\x01\x01\x0b")},
+    "a fold within a fold": {"rules": (1, b"\x01\x01\x06\x01\x00\x01\x06" + bytes(9))},
+    "index 1 into 0 functions of the program": {"code": (1, b"\x01\x32\x01")},
     "unknown kind of assertion 0x08": {"assertions": (1, b"\x08" + bytes(20))},
     "leaves open who finishes it": {"assertions": (1, b"\x04\x00" + bytes(20))},
     "a fact that leaves an argument open": {"facts": (1, b"\x01\x00\x00")},
@@ -199,12 +214,12 @@ FORGED = {
     "index 1 into 1 expressions": {"rules": (1, b"\x01\x01\x04\x01\x00")},
     "a count of 5 where at most 0 fit": {"goals": (1, b"\x00\x00\x06")},
     "unknown opcode 0x7f": {"code": (1, b"\x01\x7f")},
-    "index 99 into 16 functions": {"code": (1, b"\x01\x30\x63")},
+    "index 99 into 27 functions": {"code": (1, b"\x01\x30\x63")},
     "unknown kind of value 8": {"constants": (1, b"\x08")},
     "robot id 65534": {"constants": (1, b"\x06" + number(65534))},
     "a float that is not finite": {"constants": (1, b"\x03" + b"\xff" * 8)},
     "not UTF-8": {"constants": (1, b"\x04\x01\xff")},
-    "unknown kind of predicate 0x08": {"predicates": (1, b"\x08\x00\x00")},
+    "unknown kind of predicate 0x40": {"predicates": (1, b"\x40\x00\x00")},
     "a name that is not a symbol": {"constants": (1, b"\x00"), "predicates": (1, b"\x00\x00\x00")},
     "nested type 9": {"predicates": (1, b"\x00\x00\x01\x09")},
     "nested type 7": {"predicates": (1, b"\x00\x00\x01" + b"\x07" * (NESTING_MAX + 2) + b"\x00")},
@@ -234,15 +249,16 @@ def test_a_gap_before_the_first_table_is_refused() -> None:
 
 def test_unknown_flags_are_refused() -> None:
     octets = bytearray(forged())
-    octets[5] = 4
-    with pytest.raises(BytecodeError, match="unknown flags 0x04"):
+    octets[5] = 32
+    with pytest.raises(BytecodeError, match="unknown flags 0x20"):
         decode(sealed(bytes(octets)))
 
 
-def test_version_1_is_refused_and_the_way_out_named() -> None:
+@pytest.mark.parametrize("version", [1, 2])
+def test_older_byte_code_is_refused_and_the_way_out_named(version: int) -> None:
     octets = bytearray(forged())
-    octets[4] = 1
-    with pytest.raises(BytecodeError, match="version 1, but this runtime reads version 2; recompile it"):
+    octets[4] = version
+    with pytest.raises(BytecodeError, match=f"version {version}, but this runtime reads version 3; recompile it"):
         decode(sealed(bytes(octets)))
 
 

@@ -17,10 +17,12 @@ from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX
 from rmr.bytecode.opcodes import FORMS, Op
 from rmr.bytecode.program import (
+    GOALS_OF,
     Aggregate,
     Assertion,
     Atom,
     Base,
+    Best,
     Bind,
     Code,
     Comprehension,
@@ -28,8 +30,12 @@ from rmr.bytecode.program import (
     Debug,
     DeriveAction,
     DeriveFact,
+    Duty,
     Effect,
+    Fold,
     Guard,
+    HeadValue,
+    HiddenPredicate,
     InitialFact,
     InitialGoal,
     Instruction,
@@ -37,6 +43,7 @@ from rmr.bytecode.program import (
     Lead,
     Mode,
     Operator,
+    OwnFunction,
     Place,
     Predicate,
     Program,
@@ -44,6 +51,7 @@ from rmr.bytecode.program import (
     Slot,
     Steps,
     Type,
+    When,
 )
 from rmr.bytecode.verify import RANK_MAX, REASONS_MAX, verify
 
@@ -79,7 +87,7 @@ def expression(*instructions: Instruction) -> Callable[[Hand, int, int, int], ob
 
 def aggregate(h: Hand, p: int, **changes: object) -> None:
     """A rule with ``[min 1 => $2 | p($0, $1) | p($0, a)]``, changed."""
-    sound = Aggregate(Operator.MIN, code(1), 2, (1,), (h.atom(p, V(1)),), h.head(p, "a"))
+    sound = Aggregate(Operator.MIN, code(1), 2, (1,), (h.atom(p, V(1)),), (h.head(p, "a"),))
     h.rules.append(Rule(3, (), (replace(sound, **changes),)))  # type: ignore[arg-type]
 
 
@@ -102,16 +110,89 @@ def placed(h: Hand, *places: Place) -> Program:
     return replace(h.program(), debug=Debug(predicates=places))
 
 
+def folded(h: Hand, p: int, **changes: object) -> None:
+    """A rule with ``p($0, $1), $3 = max($2, p($0, $2))``, changed."""
+    sound = Fold(Operator.MAX, code(V(2)), 3, (2,), (h.keep(p, V(2)),))
+    h.rules.append(Rule(5, (h.atom(p, V(1)), replace(sound, **changes)), ()))  # type: ignore[arg-type]
+
+
+def hidden(h: Hand, *table: HiddenPredicate) -> Program:
+    return replace(h.program(), ensemble=table)
+
+
+def kept_best(h: Hand, kind: Kind, argument: int, *types: Type) -> None:
+    h.predicates.append(Predicate("t", kind, types, best=Best(argument, True)))
+
+
+def function(h: Hand, *instructions: Instruction, name: str = "f", arity: int = 1) -> Program:
+    return replace(h.program(), functions=(OwnFunction(name, arity, instructions),))
+
+
+def before(h: Hand, p: int, fold: Fold) -> None:
+    h.rules.append(Rule(4, (fold, h.atom(p, V(1))), ()))
+
+
+RANDOM = i(Op.CALL, next(index for index, each in enumerate(FUNCTIONS) if each.drawn))
+
+
+def goals_of(h: Hand, name: str, *types: Type, kind: Kind = Kind.SENSED) -> None:
+    h.predicates.append(Predicate(GOALS_OF + name, kind, types))
+
+
+def goal_of_goals(h: Hand, q: int) -> None:
+    goals_of(h, h.predicates[q].name, *h.predicates[q].types)
+    h.goals.append(InitialGoal(len(h.predicates) - 1, None, (_,)))
+
+
 UNSOUND: list[tuple[str, Callable[[Hand, int, int, int], object]]] = [
-    ("predicate p: its name is no name or taken", lambda h, p, q, go: predicate(h, name="p")),
-    ("its name is no name or taken", lambda h, p, q, go: predicate(h, name="")),
-    ("its name is no name or taken", lambda h, p, q, go: predicate(h, name="Upper")),
-    ("its name is no name or taken", lambda h, p, q, go: predicate(h, name="a b")),
-    ("names no set of symbols", lambda h, p, q, go: predicate(h, Type(Base.SYMBOL, "Area"))),
-    ("names no set of symbols", lambda h, p, q, go: predicate(h, Type(Base.INT, "area"))),
-    ("a type with elements that is no list", lambda h, p, q, go: predicate(h, Type(Base.INT, element=INT))),
+    (
+        "predicate p: the name is not an identifier, or another predicate has it",
+        lambda h, p, q, go: predicate(h, name="p"),
+    ),
+    ("the name is not an identifier, or another predicate has it", lambda h, p, q, go: predicate(h, name="")),
+    ("the name is not an identifier, or another predicate has it", lambda h, p, q, go: predicate(h, name="Upper")),
+    ("the name is not an identifier, or another predicate has it", lambda h, p, q, go: predicate(h, name="a b")),
+    ("no predicate has such goals, or another predicate stands for them", lambda h, p, q, go: goals_of(h, "nothing")),
+    (
+        "no predicate has such goals, or another predicate stands for them",
+        lambda h, p, q, go: goals_of(h, "go", Type(Base.OPEN)),
+    ),
+    ("the goals of p must be sensed and have its types", lambda h, p, q, go: goals_of(h, "p", INT, INT, INT)),
+    ("a fact or goal of a predicate that stands for goals", lambda h, p, q, go: goal_of_goals(h, q)),
+    ("is not the name of a set of symbols", lambda h, p, q, go: predicate(h, Type(Base.SYMBOL, "Area"))),
+    ("is not the name of a set of symbols", lambda h, p, q, go: predicate(h, Type(Base.INT, "area"))),
+    ("an element type on a type other than list", lambda h, p, q, go: predicate(h, Type(Base.INT, element=INT))),
     (f"lists nested deeper than {NESTING_MAX}", lambda h, p, q, go: predicate(h, nested(NESTING_MAX + 1))),
-    ("no robot provides it so", lambda h, p, q, go: predicate(h, INT, name="id", provided=True)),
+    (
+        "unordered, but sensed facts are never sent",
+        lambda h, p, q, go: h.predicates.append(Predicate("t", Kind.SENSED, (), unordered=True)),
+    ),
+    (
+        "marked as provided, but there is no such provided predicate",
+        lambda h, p, q, go: predicate(h, INT, name="id", provided=True),
+    ),
+    ("keeps the best of facts that are not persistent", lambda h, p, q, go: kept_best(h, Kind.TEMPORARY, 0, INT)),
+    ("keeps the best by argument 1 of 1", lambda h, p, q, go: kept_best(h, Kind.PERSISTENT, 1, INT)),
+    (
+        "keeps the best by an argument whose type has no order",
+        lambda h, p, q, go: kept_best(h, Kind.PERSISTENT, 0, ROBOT),
+    ),
+    ("function F: the name is not an identifier", lambda h, p, q, go: function(h, i(Op.INT, 1), name="F")),
+    ("slot 1 is used before it is bound", lambda h, p, q, go: function(h, i(Op.LOAD, 1))),
+    ("there is no function 3 of the program", expression(Instruction(Op.APPLY, 3, OwnFunction("f", 0)))),
+    ("random() outside of a head", expression(RANDOM)),
+    ("an atom behind a fold", lambda h, p, q, go: before(h, p, Fold(Operator.COUNT, None, 3, (), (h.keep(p, _),)))),
+    ("a fold that consumes", lambda h, p, q, go: folded(h, p, body=(h.atom(p, V(2)),))),
+    (
+        "a fold within a fold",
+        lambda h, p, q, go: folded(h, p, body=(h.keep(p, V(2)), Fold(Operator.COUNT, None, 4, (), ())), slots=(2, 4)),
+    ),
+    ("slot 2 is the result and a variable of the matches", lambda h, p, q, go: folded(h, p, result=2)),
+    ("MAX with a wrong number of terms", lambda h, p, q, go: folded(h, p, term=None)),
+    ("an inner body binds a variable that is not listed", lambda h, p, q, go: folded(h, p, slots=())),
+    ("slot 1 is used before it is bound", lambda h, p, q, go: h.rules.append(Rule(2, (), (When(1, h.head(p, "a")),)))),
+    ("slot 0 is bound twice", lambda h, p, q, go: h.rules.append(Rule(2, (), (HeadValue(0, code(1)),)))),
+    ("an aggregate that derives nothing", lambda h, p, q, go: aggregate(h, p, head=())),
     ("only an action has effects", lambda h, p, q, go: predicate(h, effects=(Effect(q, (code(1),)),))),
     (
         "an effect on what another robot senses, s",
@@ -119,22 +200,28 @@ UNSOUND: list[tuple[str, Callable[[Hand, int, int, int], object]]] = [
     ),
     ("slot 2 is used", lambda h, p, q, go: h.action("act", AREA, effects=(Effect(p, (code(V(2)),)),))),
     ("go is an action", lambda h, p, q, go: h.action("act", effects=(Effect(go, (code("a"),)),))),
-    ("no robot", lambda h, p, q, go: h.action("act", AREA, effects=(Effect(p, (code("a"),), code(V(1))),))),
-    ("owner 65534 is no robot", lambda h, p, q, go: h.facts.append(InitialFact(q, 65534, (1,)))),
-    ("owner -1 is no robot", lambda h, p, q, go: h.goals.append(InitialGoal(q, -1, (_,)))),
-    ("the robot itself where no robot", lambda h, p, q, go: h.facts.append(InitialFact(q, None, (Slot(0),)))),
-    ("the robot itself where no robot", lambda h, p, q, go: h.goals.append(InitialGoal(p, None, (Slot(0),)))),
+    ("is not a robot", lambda h, p, q, go: h.action("act", AREA, effects=(Effect(p, (code("a"),), code(V(1))),))),
+    ("owner 65534 is not a robot id", lambda h, p, q, go: h.facts.append(InitialFact(q, 65534, (1,)))),
+    ("owner -1 is not a robot id", lambda h, p, q, go: h.goals.append(InitialGoal(q, -1, (_,)))),
+    (
+        "the robot itself as an argument whose type is not robot",
+        lambda h, p, q, go: h.facts.append(InitialFact(q, None, (Slot(0),))),
+    ),
+    (
+        "the robot itself as an argument whose type is not robot",
+        lambda h, p, q, go: h.goals.append(InitialGoal(p, None, (Slot(0),))),
+    ),
     ("uses slot 1 of 1", lambda h, p, q, go: h.facts.append(InitialFact(R, None, (Slot(1),)))),
     ("uses slot 2 of 2", lambda h, p, q, go: h.goals.append(InitialGoal(q, None, (Slot(2),)))),
     ("has the wrong type", lambda h, p, q, go: h.facts.append(InitialFact(q, None, (1.0,)))),
     ("has the wrong type", lambda h, p, q, go: h.facts.append(InitialFact(p, None, (Symbol("No"),)))),
     ("goal 0: go is an action", lambda h, p, q, go: h.goals.append(InitialGoal(go, None, (_,)))),
     (
-        "a rule that is not there leads to it",
+        "a lead names a rule that does not exist",
         lambda h, p, q, go: h.goals.append(InitialGoal(q, None, (_,), (Lead(0, 0),))),
     ),
     (
-        "the rules that lead to it are not in order",
+        "the leads are not in ascending order of their rules",
         lambda h, p, q, go: (
             h.rule([], []),
             h.goals.append(InitialGoal(q, None, (_,), (Lead(0, 0), Lead(0, 1)))),
@@ -172,10 +259,10 @@ UNSOUND: list[tuple[str, Callable[[Hand, int, int, int], object]]] = [
     ("slot 1 is used before", lambda h, p, q, go: h.rule([], [Steps((h.head(p, V(1)), h.head(p, "a")))])),
     ("now() in a body", lambda h, p, q, go: h.rule([guard("call:now", 1, Op.LT)], [])),
     ("now() in a body", lambda h, p, q, go: aggregate(h, p, body=(h.atom(p, V(1)), guard("call:now", 1, Op.LT)))),
-    ("s is sensed, no rule derives it", lambda h, p, q, go: h.rule([], [DeriveFact(S, HERE, (code("a"),))])),
-    ("an owner or executor that is no robot", lambda h, p, q, go: h.rule([], [h.head(p, "a", to="b")])),
-    ("no robot", lambda h, p, q, go: h.rule([h.atom(p, V(1))], [h.head(p, "a", to=V(1))])),
-    ("no robot", lambda h, p, q, go: h.rule([], [DeriveFact(p, code((Robot(1),)), (code("a"),))])),
+    ("s is sensed, so no rule may derive it", lambda h, p, q, go: h.rule([], [DeriveFact(S, HERE, (code("a"),))])),
+    ("an owner or executor that is not a robot", lambda h, p, q, go: h.rule([], [h.head(p, "a", to="b")])),
+    ("is not a robot", lambda h, p, q, go: h.rule([h.atom(p, V(1))], [h.head(p, "a", to=V(1))])),
+    ("is not a robot", lambda h, p, q, go: h.rule([], [DeriveFact(p, code((Robot(1),)), (code("a"),))])),
     ("binds a variable that is not listed", lambda h, p, q, go: h.rule([], [h.each([], [h.atom(p, V(1))], [])])),
     ("binds a variable that is not listed", lambda h, p, q, go: aggregate(h, p, slots=())),
     ("slot 1 is the result and a variable of the matches", lambda h, p, q, go: aggregate(h, p, result=1)),
@@ -185,20 +272,49 @@ UNSOUND: list[tuple[str, Callable[[Hand, int, int, int], object]]] = [
     ("COUNT with a wrong number of terms", lambda h, p, q, go: aggregate(h, p, operator=Operator.COUNT)),
     (
         "slot 1 is used before",
-        lambda h, p, q, go: aggregate(h, p, operator=Operator.SUM, head=h.head(p, V(1))),
+        lambda h, p, q, go: aggregate(h, p, operator=Operator.SUM, head=(h.head(p, V(1)),)),
     ),
     ("slot 2 is used before", lambda h, p, q, go: aggregate(h, p, term=code(V(2)))),
+    ("a predicate that is not there", lambda h, p, q, go: hidden(h, HiddenPredicate(99, Duty.NOTE))),
+    ("a predicate that is not there", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.RETURN, 99))),
+    (
+        "the predicates are not in order",
+        lambda h, p, q, go: hidden(h, HiddenPredicate(q, Duty.NOTE), HiddenPredicate(p, Duty.NOTE)),
+    ),
+    (
+        "a robot has one life only",
+        lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.LIFE), HiddenPredicate(q, Duty.LIFE)),
+    ),
+    ("s is neither temporary nor persistent", lambda h, p, q, go: hidden(h, HiddenPredicate(S, Duty.NOTE))),
+    ("p has another predicate, or lacks one", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.ASIDE))),
+    ("p has another predicate, or lacks one", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.NOTE, p))),
+    ("p is not persistent with one int", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.LIFE))),
+    ("p is not temporary with one robot", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.RESTARTED))),
+    (
+        "r is not temporary with the types that p needs",
+        lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.RETURN, R)),
+    ),
+    (
+        "p is not temporary with the types that p needs",
+        lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.DECISION, p)),
+    ),
     ("fewer than two steps", lambda h, p, q, go: h.rule([], [Steps((h.head(p, "a"),))])),
-    ("its name is no name", lambda h, p, q, go: asserted(h, go, name="No")),
-    ("owner 70000 is no robot", lambda h, p, q, go: asserted(h, go, robot=70000)),
-    ("start and finish are only looked at", lambda h, p, q, go: asserted(h, go, start=h.atom(R, V(1)))),
-    ("start and finish are only looked at", lambda h, p, q, go: asserted(h, go, finish=h.absent(R, V(1)))),
-    ("who finishes it is no robot", lambda h, p, q, go: asserted(h, go, finisher=Constant(3))),
-    ("no robot that its start names", lambda h, p, q, go: asserted(h, go, start=h.keep(R, _), finisher=Slot(1))),
-    ("no robot that its start names", lambda h, p, q, go: asserted(h, go, start=h.keep(p, V(1)), finisher=Slot(1))),
+    ("the name is not an identifier", lambda h, p, q, go: asserted(h, go, name="No")),
+    ("owner 70000 is not a robot id", lambda h, p, q, go: asserted(h, go, robot=70000)),
+    ("start and finish must keep or read their facts", lambda h, p, q, go: asserted(h, go, start=h.atom(R, V(1)))),
+    ("start and finish must keep or read their facts", lambda h, p, q, go: asserted(h, go, finish=h.absent(R, V(1)))),
+    ("the finisher is not a robot", lambda h, p, q, go: asserted(h, go, finisher=Constant(3))),
+    (
+        "the finisher is not a robot variable of the start",
+        lambda h, p, q, go: asserted(h, go, start=h.keep(R, _), finisher=Slot(1)),
+    ),
+    (
+        "the finisher is not a robot variable of the start",
+        lambda h, p, q, go: asserted(h, go, start=h.keep(p, V(1)), finisher=Slot(1)),
+    ),
     ("slot 1 is used before", lambda h, p, q, go: asserted(h, go, start=h.keep(R, _), deadline=code(V(1)))),
-    ("2 places for 5 entries", lambda h, p, q, go: placed(h, *[Place("a", 1, 1)] * 2)),
-    ("a place that no source has", lambda h, p, q, go: placed(h, *[Place("a", 0, 1)] * 5)),
+    ("2 source positions for 5 entries", lambda h, p, q, go: placed(h, *[Place("a", 1, 1)] * 2)),
+    ("a line or column outside 1 to 4294967295", lambda h, p, q, go: placed(h, *[Place("a", 0, 1)] * 5)),
     ("the expression leaves 0 values", expression()),
     ("the expression leaves 2 values", expression(i(Op.INT, 1), i(Op.INT, 1))),
     ("instruction 1 (ADD) with 1 values on the stack", expression(i(Op.INT, 1), i(Op.ADD))),
@@ -253,10 +369,10 @@ SOUND: list[Callable[[Hand, int, int, int], object]] = [
     lambda h, p, q, go: h.rules.append(Rule(1, (), (DeriveFact(p, HERE, (code(Symbol("a")),)),))),
     lambda h, p, q, go: h.rule([h.atom(R, V(1))], [h.head(p, "a", to=V(1)), h.want(S, "a", to=V(1))]),
     lambda h, p, q, go: h.rule([h.atom(p, V(1))], [Steps((h.head(p, V(1)), h.head(go, V(1)), h.want(p, "a")))]),
-    lambda h, p, q, go: aggregate(h, p, head=h.head(p, V(1))),
-    lambda h, p, q, go: aggregate(h, p, operator=Operator.MAX, head=h.head(q, V(2))),
-    lambda h, p, q, go: aggregate(h, p, operator=Operator.COLLECT, head=h.head(q, V(2))),
-    lambda h, p, q, go: aggregate(h, p, operator=Operator.COUNT, term=None, head=h.head(q, V(2))),
+    lambda h, p, q, go: aggregate(h, p, head=(h.head(p, V(1)),)),
+    lambda h, p, q, go: aggregate(h, p, operator=Operator.MAX, head=(h.head(q, V(2)),)),
+    lambda h, p, q, go: aggregate(h, p, operator=Operator.COLLECT, head=(h.head(q, V(2)),)),
+    lambda h, p, q, go: aggregate(h, p, operator=Operator.COUNT, term=None, head=(h.head(q, V(2)),)),
     lambda h, p, q, go: aggregate(h, p, term=code("call:now")),
     lambda h, p, q, go: h.rule([], [h.each([V(1)], [h.atom(p, V(1))], []), h.each([V(1)], [h.atom(q, V(1))], [])]),
     lambda h, p, q, go: h.facts.append(InitialFact(R, 65533, (Slot(0),))),

@@ -9,8 +9,6 @@ from rmr.lang.read import parser
 from rmr.lang.read.parser import NESTING_MAX
 from rmr.lang.read.source_text import SOURCE_OCTETS_MAX
 
-pytestmark = pytest.mark.medium
-
 DEEP = {
     "parentheses": "p(R, X), Y = {(}X{)} -o p(R, Y).",
     "lists": "p(R, X) -o q(R, {[}X{]}).",
@@ -57,6 +55,7 @@ def repeated(pattern, times):
 
 @pytest.mark.parametrize("pattern", DEEP.values(), ids=DEEP)
 @pytest.mark.parametrize("depth", [15, NESTING_MAX - 10, 400, 10_000])
+@pytest.mark.medium
 def test_nested_program_compiles_or_is_reported_as_too_deep(pattern, depth):
     compilation = compile_source(repeated(pattern, depth))
     assert {each.code for each in compilation.errors} <= {"E001", "E004", "E008", "E023"}
@@ -66,7 +65,9 @@ def test_nested_program_compiles_or_is_reported_as_too_deep(pattern, depth):
 
 
 @pytest.mark.parametrize("pattern", LONG.values(), ids=LONG)
-@pytest.mark.parametrize("length", [240, 5_000])
+@pytest.mark.parametrize(
+    "length", [pytest.param(240, marks=pytest.mark.medium), pytest.param(5_000, marks=pytest.mark.slow)]
+)
 def test_long_program_compiles_or_is_reported_as_too_large(pattern, length):
     compilation = compile_source(repeated(pattern, length))
     assert {each.code for each in compilation.errors} <= {"E004", "E007", "E008", "E010", "E035"}
@@ -86,6 +87,7 @@ def test_long_program_compiles_or_is_reported_as_too_large(pattern, length):
         "p(R). {}: watch(p(R), p(R), 1, stop(R)).",
     ],
 )
+@pytest.mark.medium
 def test_names_strings_and_comments_may_be_long(what):
     compilation = compile_source(what.format("x" * 10_000))
     assert compilation.errors == []
@@ -103,6 +105,7 @@ def test_names_strings_and_comments_may_be_long(what):
         "@" + "9" * 5_000,
     ],
 )
+@pytest.mark.medium
 def test_numbers_of_any_length_are_values_or_out_of_range(number):
     assert set(errors(f"p(R, {number}). p(R, -{number.lstrip('@')}).")) <= {"E005"}
 
@@ -123,23 +126,27 @@ def test_numbers_of_any_length_are_values_or_out_of_range(number):
     ],
     ids=["empty", "mark", "mark and CRLF", "CRLF", "NUL", "all NUL", "Latin-1", "UTF-16", "binary", "too large"],
 )
+@pytest.mark.medium
 def test_compiler_handles_arbitrary_octets(tmp_path, octets, expected):
     (tmp_path / "a.rmr").write_bytes(octets)
     assert [each.code for each in compile_file(tmp_path / "a.rmr").diagnostics] == expected
 
 
+@pytest.mark.medium
 def test_a_mark_of_the_encoding_takes_no_column(tmp_path):
     (tmp_path / "a.rmr").write_bytes(b"\xef\xbb\xbfp(R, X).")
     compilation = compile_file(tmp_path / "a.rmr")
     assert compilation.source.position(compilation.diagnostics[0].span.start) == (1, 6)
 
 
+@pytest.mark.medium
 def test_more_items_than_a_program_may_have_are_not_read(monkeypatch):
     monkeypatch.setattr(parser, "ITEMS_MAX", 100)
     assert errors("p(R).\n" * 100) == []
     assert errors("p(R).\n" * 200 + "p(R, X).") == ["E008"]
 
 
+@pytest.mark.medium
 def test_duplicate_definitions_are_reported_once_each():
     text = "type p(robot).\nconst c = 1.\norder textual.\nx: watch(p(R), p(R), 1, stop(R)).\np(R).\n?p(R).\n"
     assert codes(text * 2) == ["E010"] * 4

@@ -29,7 +29,7 @@ def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
         ("type action a(robot). a(R) -o q(R).", "E012", "a(R)"),
         ("type action a(robot). a(R).", "E012", "a(R)"),
         ("type action a(robot). ?a(R).", "E012", "a(R)"),
-        ("p(R) -o q(R). ?q(R). q(R), ?q(R) -o p(R).", "E012", "?q(R)"),
+        ("type action a(robot). p(R), ?a(R) -o q(R).", "E012", "?a(R)"),
         ("type sensor s(robot). p(R) -o s(R).", "E012", "s(R)"),
         ("p(R), assertion(R) -o q(R). x: assert(p(R), q(R), 1, q(R)).", "E012", "q(R)"),
         ("assert(p(R), q(R), 1, v(R)). p(R) -o v(R), q(R).", "E013", "v(R)"),
@@ -80,8 +80,8 @@ def test_a_mistake_has_its_code_and_its_place(text, code, place):
     assert (code, place) in places(text)
 
 
-def test_a_join_of_several_robots_facts_is_refused_with_the_whole_rule_and_a_fact_of_each():
-    rule = "waiting(A, L), free(B, L), not done(A), !edge(A, B) -o go(A, L), go(B, X)."
+def test_a_join_without_a_link_is_refused_with_the_whole_rule_and_a_fact_of_each():
+    rule = "waiting(A, L), free(B, L), not done(A), !edge(A, C) -o go(A, L), go(B, X)."
     compilation = compile_source(f"p(R).\n{rule}\n")
     text = compilation.source.text
     [joined] = [each for each in compilation.errors if each.code == "E035"]
@@ -388,3 +388,17 @@ def test_errors_beyond_the_bound_are_counted_and_warnings_hide_none():
     warnings = "".join(f"g{each}(R) -o 1.\n" for each in range(600))
     found = compile_source(warnings + "p(R, X).\n").diagnostics
     assert [each.code for each in found if each.code != "W102"] == ["E023", "W109"]
+
+
+@pytest.mark.parametrize("kind", ["", "!", "action "])
+def test_unordered_in_a_type_reaches_the_byte_code(kind):
+    assert predicate(f"type unordered {kind}p(robot).", "p").unordered
+    assert not predicate(f"type {kind}p(robot).", "p").unordered
+
+
+def test_unordered_is_also_a_name():
+    assert not predicate("type unordered(robot). unordered(R) -o 1.", "unordered").unordered
+
+
+def test_a_sensed_fact_is_never_sent_so_unordered_is_refused():
+    assert errors("type unordered sensor p(robot).") == ["E012"]

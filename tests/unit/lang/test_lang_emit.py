@@ -196,7 +196,7 @@ def test_a_sum_has_slots_of_its_own_and_one_for_its_result():
     assert (total.operator, total.result, total.slots) == (Operator.SUM, 4, (2, 3))
     assert ops(total.term) == [("LOAD", 2), ("LOAD", 1), ("MUL", None)]
     assert [type(each) for each in total.body] == [Atom, Guard]
-    assert total.head == DeriveFact(2, SELF, ((Instruction(Op.LOAD, 4),),))
+    assert total.head == (DeriveFact(2, SELF, ((Instruction(Op.LOAD, 4),),)),)
 
 
 def test_a_count_has_no_term_and_the_winner_of_min_and_max_may_stand_in_the_head():
@@ -204,7 +204,7 @@ def test_a_count_has_no_term_and_the_winner_of_min_and_max_may_stand_in_the_head
     count, least = rule(text).head
     assert (count.operator, count.term, count.body[0].mode) == (Operator.COUNT, None, Mode.KEEP)
     assert (least.operator, least.slots, least.result) == (Operator.MIN, (3, 4), 5)
-    assert least.head.args == ((Instruction(Op.LOAD, 3),), (Instruction(Op.LOAD, 5),))
+    assert least.head[0].args == ((Instruction(Op.LOAD, 3),), (Instruction(Op.LOAD, 5),))
     assert rule(text).slots == 6
 
 
@@ -415,6 +415,7 @@ def test_facts_sent_by_other_robots_do_not_serve_an_assertion():
 def test_order_textual_is_kept_and_random_is_the_default():
     assert compiled("order textual.").strategy is Strategy.TEXTUAL
     assert compiled("order random.").strategy is Strategy.RANDOM
+    assert compiled("order deadline.").strategy is Strategy.DEADLINE
     assert compiled("").strategy is Strategy.RANDOM
 
 

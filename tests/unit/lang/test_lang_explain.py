@@ -18,6 +18,7 @@ from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
 from rmr.lang.explain import explained_assertions as told_assertions
 from rmr.lang.explain import explained_columns as told_columns
+from rmr.lang.explain import explained_ensemble as told_ensemble
 from rmr.lang.explain import explained_goals as told_goals
 from rmr.lang.explain import explained_rules as told_rules
 from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
@@ -31,6 +32,7 @@ PROGRAMS = [
     ROOT / "deploy" / "labs" / "corridor" / "corridor.rmr",
     ROOT / "tests" / "programs" / "figure3.rmr",
     ROOT / "tests" / "programs" / "figure4.rmr",
+    HERE / "ensemble.rmr",
     HERE / "jobs.rmr",
     HERE / "team.rmr",
 ]
@@ -117,6 +119,8 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
         "a step of a way": told_assertions.WayStep,
         "an origin": told_assertions.Origin,
         "a rule": told_rules.ExplainedRule,
+        "a rule over several robots": told_ensemble.ExplainedEnsemble,
+        "another robot of a rule": told_ensemble.ExplainedRemote,
         "needs": told_rules.Needs,
         "a part of a head": told_rules.ExplainedPart,
         "an answer on columns": told_columns.ExplainedColumns,

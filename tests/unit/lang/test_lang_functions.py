@@ -11,8 +11,16 @@ from rmr.columns import numbers
 from rmr.vm.generate import function_source
 
 ROOT = Path(rmr.__file__).parent
-NAMED_ELSEWHERE = {"min", "max", "id", "now", "len", "nth", "rest"}
-"""Aggregates, a provided fact, a parameter of generated code, and what the compiler writes to take a list apart."""
+NAMED_ELSEWHERE = {"min", "max", "id", "now", "len", "nth", "rest"} | {
+    "robot",
+    "remove",
+    "update",
+    "index",
+    "slice",
+    "hypot",
+    "random",
+}
+"""Aggregates, a type, provided facts, names of generated code, and what the compiler writes to take a list apart."""
 
 NEW_ROW = """
 import math

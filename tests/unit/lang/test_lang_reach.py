@@ -56,7 +56,7 @@ def test_heads_of_comprehensions_do_not_count_towards_a_goal_rank() -> None:
 
 
 def test_a_count_may_be_any_number() -> None:
-    assert ways("?g(R, 3). t(R). n(R). t(R) -o [count => N | n(R) | g(R, N)]. n(R) -o t(R).") == {0: None, 1: 1}
+    assert ways("?g(R, 3). t(R). n(R). t(R) -o [count => N | n(R) | g(R, N)]. n(R) -o t(R).") == {0: None, 1: None}
 
 
 def test_every_step_counts() -> None:

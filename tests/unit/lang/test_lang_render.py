@@ -38,7 +38,7 @@ def test_a_place_behind_tabs_and_wide_characters_is_underlined_in_its_column():
 
 def test_a_place_of_several_lines_is_underlined_line_by_line():
     assert rendered("type p(robot).\np(A),\n\n\tp(B)  // both\n  -o 1.\n") == (
-        "a.rmr:2:1: error[E035]: a join of several robots' facts is not supported yet\n"
+        "a.rmr:2:1: error[E035]: nothing in the body leads from `A` to `B`\n"
         "    2 | p(A),\n"
         "      | ^^^^^\n"
         "    3 | \n"
@@ -52,8 +52,7 @@ def test_a_place_of_several_lines_is_underlined_line_by_line():
         "a.rmr:4:2: note: a fact of `B`\n"
         "    4 |  p(B)  // both\n"
         "      |  ----\n"
-        "  hint: let `A` ask `B` by a fact of `B`, which `B` uses up with its own before it answers: "
-        "see `rmr explain E035`\n"
+        "  hint: add a link, a fact of `A` that names the other: `peer(A, B)` or `neighbor(A, B)`\n"
     )
 
 

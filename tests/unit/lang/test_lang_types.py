@@ -162,7 +162,7 @@ def test_an_aggregate_gives_its_result_a_type(aggregate, expected):
 
 def test_the_sum_of_nothing_is_an_int_that_floats_take():
     program = compiled("type q(robot, float). type v(robot, float). t(R). t(R) -o [sum X => V | q(R, X) | v(R, V)].")
-    assert [each.op for each in program.rules[0].head[0].head.args[0]] == [Op.LOAD, Op.FLOAT]
+    assert [each.op for each in program.rules[0].head[0].head[0].args[0]] == [Op.LOAD, Op.FLOAT]
 
 
 def test_variables_of_an_aggregate_are_its_own():

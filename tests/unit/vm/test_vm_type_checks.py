@@ -50,7 +50,7 @@ def test_minimum_of_open_type_is_derived_only_if_it_fits_the_declared_type():
     hand = Hand()
     q, p = hand.temporary("q", FLOAT), hand.temporary("p", INT)
     hand.fact(q, 1.5)
-    smallest = Aggregate(Operator.MIN, code(V(1)), 2, (1,), (hand.keep(q, V(1)),), hand.head(p, V(2)))
+    smallest = Aggregate(Operator.MIN, code(V(1)), 2, (1,), (hand.keep(q, V(1)),), (hand.head(p, V(2)),))
     hand.rule([], [smallest])
     machine = hand.machine()
     assert reasons(machine.drain()) == ["argument 2 of p is no int"]

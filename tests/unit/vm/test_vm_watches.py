@@ -186,6 +186,16 @@ def test_a_later_request_takes_the_place_of_the_older_watch() -> None:
     assert pair.take(seconds(3)) == [FinishSeen(1, 0, (A, X), seconds(3))]
 
 
+def test_a_request_that_was_overtaken_by_a_later_one_replaces_no_watch() -> None:
+    pair = Pair()
+    first = [event for event in pair.give(0) if isinstance(event, FinishAwaited)]
+    pair.take(seconds(2))
+    pair.carry(seconds(4), pair.give(seconds(3)))
+    pair.carry(seconds(5), first)
+    pair.carry(seconds(6), pair.take(seconds(6)))
+    assert pair.giver.jobs[0].finish == seconds(6)
+
+
 def test_finish_report_belongs_to_the_job_of_its_time() -> None:
     pair = Pair()
     pair.carry(0, pair.give(0, within_s=5))

@@ -15,13 +15,10 @@ def _aggregate(place: MisfitContext) -> Habit | None:
     form = f"[{operator or 'count'}{'' if operator in {'count', ''} else ' X'} => V | body | head]"
     is_first = place.at == opening + 2 and place.word.kind == "VARIABLE"
     if not place.is_in_head and operator in AGGREGATES and (is_first or place.word.text in {"=>", "|"}):
-        message = "an aggregate stands in a head, not in a body"
+        message = "an aggregate in brackets stands in a head, not in a body"
         return place.given_up(message, aggregate_hint(operator), place.words[opening])
     if place.word.text == "|" and operator in AGGREGATES and not gives:
         return place.given_up("this aggregate does not name its result", f"it is written `{form}`", inner[0])
-    if place.word.text in {",", "then"} and gives and bars >= 2:
-        hint = f"derive one, `{form}`, and let another rule turn it into several"
-        return place.given_up("an aggregate derives one fact, not several", hint)
     if place.word.text == "]" and gives and bars < 2:
         return place.given_up("this aggregate derives nothing", f"it is written `{form}`")
     return None
@@ -40,8 +37,9 @@ def _aggregate_behind(place: MisfitContext) -> Habit | None:
 
 def aggregate_hint(operator: str) -> str:
     """Return how an aggregate is written and read."""
+    call = f"V = {operator}({'' if operator == 'count' else 'X, '}...)"
     form = f"[{operator}{'' if operator == 'count' else ' X'} => V | body | head]"
-    return f"derive a fact by it in one rule, `... -o {form}.`, and read that in another"
+    return f"in a body it is `{call}`, in a head `{form}`"
 
 
 def _comprehension(place: MisfitContext) -> Habit | None:

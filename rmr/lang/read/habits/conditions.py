@@ -35,6 +35,25 @@ def _let(place: MisfitContext) -> Habit | None:
     return place.meant(f"unexpected {quoted(word)}", hint, word, word)
 
 
+def _let_without_in(place: MisfitContext) -> Habit | None:
+    """`p(R, N), let M = N + 1, M > 2 -o ...`"""
+    index = place.before("LET")
+    if index is None or any(word.kind == "IN" for word in place.words[index : place.at]):
+        return None
+    name = place.words[index + 1].text
+    hint = f"an equation gives a variable its value: `{name} = ...`"
+    return place.given_up("unexpected `let`", hint, place.words[index])
+
+
+def _choice_of_facts(place: MisfitContext) -> Habit | None:
+    """`-o if(N > 2, stop(R), go(R))`."""
+    opening = place.unclosed()
+    if place.word.kind != "COMMA" or not place.is_in_head or not opening or place.kind(opening - 1 - place.at) != "IF":
+        return None
+    hint = "write `if N > 2 then stop(R) else go(R) end`"
+    return place.given_up("`if(C, X, Y)` chooses between values, not between facts", hint, place.words[opening - 1])
+
+
 def _semicolon(place: MisfitContext) -> Habit | None:
     word = place.word
     if word.text != ";":
@@ -56,12 +75,6 @@ def _semicolon(place: MisfitContext) -> Habit | None:
 
 
 def _not(place: MisfitContext) -> Habit | None:
-    opening = place.unclosed()
-    if place.word.kind == "COMMA" and opening and place.words[opening].kind == "LPAR":
-        word = place.words[opening - 1]
-        if word.kind == "NOT":
-            hint = "`not a(R), not b(R)`: neither; to deny both together derive a fact from the two, and deny that"
-            return place.given_up("`not` denies one fact, not several", hint, word)
     if place.kind(-1) == "NOT" and place.is_in_head and place.kind(-2) in {"ARROW", "COMMA", "THEN"}:
         hint = "a fact goes when a body uses it up: name it there, without `not` and `$`"
         return place.given_up("a head derives facts, not that there are none", hint, place.words[place.at - 1])
@@ -95,10 +108,7 @@ def _then(place: MisfitContext) -> Habit | None:
 def _condition_in_head(place: MisfitContext) -> Habit | None:
     if not place.is_in_head or place.unclosed() is not None:
         return None
-    first = place.words[place.at - 1] if place.kind(-1) == "NAME" else place.word
-    hint = "name it in the body: `load(R, N), N > 2 -o ...`; one rule for each case"
-    if first.text == "if" and place.word.kind in {"VARIABLE", "NAME", "NOT"}:
-        return place.given_up("a head has no conditions", hint, first)
+    hint = "name it in the body, `load(R, N), N > 2 -o ...`, or write `if N > 2 then ... else ... end`"
     follows = place.kind(1) in COMPARING | {"PLUS", "MINUS", "FOREIGN"} or place.kind(1) == "->"
     behind = place.words[place.at + 1].text if place.at + 1 < len(place.words) else ""
     if place.word.kind == "VARIABLE" and (follows or behind in {"is", ":="}):
@@ -143,6 +153,8 @@ def _cut(place: MisfitContext) -> Habit | None:
 HABITS = (
     _is,
     _let,
+    _let_without_in,
+    _choice_of_facts,
     _semicolon,
     _not,
     _then,

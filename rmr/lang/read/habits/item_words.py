@@ -1,4 +1,4 @@
-"""The context of an unexpected word within its item, and the report of a habit."""
+"""The context of an unexpected token within its item, and the report of a habit."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,7 +14,7 @@ RULE = "a rule is written `body -o head.`"
 
 
 class Habit(NamedTuple):
-    """The report of a habit, and the words to read instead."""
+    """The report of a habit, and the tokens to read instead."""
 
     message: str
     span: Span
@@ -27,27 +27,27 @@ class Habit(NamedTuple):
 
 
 class MisfitContext(NamedTuple):
-    """The words of an item around the unexpected one."""
+    """The tokens of an item around the unexpected one."""
 
     file: str
     text: str
     words: list[Token]
     at: int
-    """Index of the unexpected word."""
+    """Index of the unexpected token."""
 
     @property
     def word(self) -> Token:
-        """The unexpected word."""
+        """The unexpected token."""
         return self.words[self.at]
 
     def kind(self, offset: int) -> str:
-        """Return the kind of a word before or behind the misfit; empty where there is none."""
+        """Return the kind of a token before or behind the unexpected token; empty where there is none."""
         index = self.at + offset
         return self.words[index].kind if 0 <= index < len(self.words) else ""
 
     @property
     def item_kinds(self) -> list[str]:
-        """The kinds of the item's words up to its full stop or the end of the look-ahead."""
+        """The kinds of the item's tokens up to its full stop or the end of the look-ahead."""
         kinds = [word.kind for word in self.words]
         return kinds[: kinds.index("DOT")] if "DOT" in kinds else kinds
 
@@ -56,16 +56,16 @@ class MisfitContext(NamedTuple):
         return Span(self.file, first.start, (last or first).end)
 
     def before(self, kind: str) -> int | None:
-        """Return the index of the nearest word of `kind` before the misfit."""
+        """Return the index of the nearest token of `kind` before the unexpected token."""
         return next((k for k in range(self.at - 1, -1, -1) if self.words[k].kind == kind), None)
 
     @property
     def is_in_head(self) -> bool:
-        """Whether an arrow stands before the misfit."""
+        """Whether an arrow stands before the unexpected token."""
         return self.before("ARROW") is not None
 
     def unclosed(self) -> int | None:
-        """Return the index of the innermost bracket that is open at the misfit."""
+        """Return the index of the innermost bracket that is open at the unexpected token."""
         depth = 0
         for index in range(self.at - 1, -1, -1):
             depth -= OPENING.get(self.words[index].kind, 0)
@@ -75,7 +75,7 @@ class MisfitContext(NamedTuple):
 
     @property
     def is_closed_behind(self) -> bool:
-        """Whether the bracket that is open at the misfit is closed before the item ends."""
+        """Whether the bracket that is open at the unexpected token is closed before the item ends."""
         depth = 0
         for word in self.words[self.at :]:
             depth += OPENING.get(word.kind, 0)
@@ -84,20 +84,20 @@ class MisfitContext(NamedTuple):
         return False
 
     def given_up(self, message: str, hint: str, first: Token | None = None, last: Token | None = None) -> Habit:
-        """Return the report of a dropped item, at `first` to `last`, by default the misfit."""
+        """Return the report of a dropped item, at `first` to `last`, by default the unexpected token."""
         return Habit(message, self.span(first or self.word, last), hint)
 
     def meant(self, message: str, hint: str, first: Token, last: Token, *words: tuple[str, str]) -> Habit:
-        """Return the report of a patch: `words` (kind, text) replace the words from `first` to `last`."""
+        """Return the report of a patch: `words` (kind, text) replace the tokens from `first` to `last`."""
         tokens = tuple(Token(kind, text, first.start, last.end) for kind, text in words)
         return Habit(message, self.span(first, last), hint, (first.start, last.end, tokens))
 
 
 def quoted(token: Token) -> str:
-    """Return a word as messages quote it."""
+    """Return a token as messages quote it."""
     return f"`{token.text}`"
 
 
 def touch(*tokens: Token) -> bool:
-    """Whether words are adjacent, without blanks between them."""
+    """Whether tokens are adjacent, without blanks between them."""
     return all(one.end == other.start for one, other in pairwise(tokens))

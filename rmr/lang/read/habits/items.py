@@ -1,4 +1,4 @@
-"""Habits of whole items: rules the other way round, directives, queries, other words for declarations."""
+"""Habits of whole items: rules the other way round, directives, queries, other tokens for declarations."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -24,7 +24,7 @@ FOREIGN_ITEMS = {
     "sensor": "`type sensor name(robot).` declares a sensed fact",
 }
 RULE_WORDS = ("if", "when", "whenever", "on", "def", "for", "while", "return", "class", "function", "fn", "void")
-"""Words with which other languages begin what RMR writes as a rule."""
+"""Tokens with which other languages begin what RMR writes as a rule."""
 
 
 def _reversed_rule(place: MisfitContext) -> Habit | None:

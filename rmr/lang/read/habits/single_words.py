@@ -1,4 +1,4 @@
-"""Habits of single words: names, robots, numbers, times, texts."""
+"""Habits of single tokens: names, robots, numbers, times, texts."""
 
 import re
 from itertools import pairwise

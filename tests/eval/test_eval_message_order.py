@@ -1,0 +1,60 @@
+"""Message order (FIFO channels) under loss: the minimum spanning tree of Gallager, Humblet and Spira."""
+
+import re
+from pathlib import Path
+from random import Random
+
+import pytest
+
+GHS = Path(__file__).parents[1] / "programs" / "messages" / "ghs.rmr"
+ROBOTS = 8
+MESSAGES = ("connect", "initiate", "test", "accept", "reject", "report", "changeroot")
+
+Edge = tuple[int, int, int]
+"""(weight, robot, robot)."""
+
+
+def random_graph(seed: int) -> list[Edge]:
+    rng = Random(seed)
+    pairs = [(a, b) for a in range(1, ROBOTS + 1) for b in range(a + 1, ROBOTS + 1)]
+    weights = rng.sample(range(1, 1000), len(pairs))
+    chain = {(a, a + 1) for a in range(1, ROBOTS)}
+    return [(w, *pair) for w, pair in zip(weights, pairs, strict=True) if pair in chain or rng.random() < 0.6]
+
+
+def minimum_spanning_tree(edges: list[Edge]) -> set[Edge]:
+    """Kruskal's algorithm."""
+    part = list(range(ROBOTS + 1))
+    tree = set()
+    for edge in sorted(edges):
+        _, a, b = edge
+        if part[a] != part[b]:
+            tree.add(edge)
+            part = [part[a] if each == part[b] else each for each in part]
+    return tree
+
+
+def tree_of(report) -> set[Edge]:
+    found = re.findall(r"edge\(@(\d+), @(\d+), (\d+), branch\)", str(report["robots"]))
+    return {(int(w), *sorted((int(a), int(b)))) for a, b, w in found}
+
+
+def program(edges: list[Edge], unordered: bool = False) -> str:
+    text = re.sub(r"(?m)^edge\(@.*\n", "", GHS.read_text("utf-8"))
+    if unordered:
+        text = re.sub(rf"(?m)^type (?={'|'.join(MESSAGES)})", "type unordered ", text)
+    return text + "".join(f"edge(@{a}, @{b}, {w}, basic). edge(@{b}, @{a}, {w}, basic).\n" for w, a, b in edges)
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_a_spanning_tree_by_ghs_is_right_at_twenty_percent_loss(bench, seed):
+    edges = random_graph(seed)
+    report = bench.run(program(edges), "--robots", str(ROBOTS), "--loss", "0.2", "--seed", str(seed))
+    assert tree_of(report) == minimum_spanning_tree(edges)
+
+
+def test_unordered_messages_overtake_and_cost_nothing_without_loss(bench):
+    edges = random_graph(1)
+    ordered = bench.run(program(edges), "--robots", str(ROBOTS))
+    unordered = bench.run(program(edges, unordered=True), "--robots", str(ROBOTS))
+    assert ordered["messages"] == unordered["messages"], "order takes no frame and no octet where nothing is lost"
