@@ -1,0 +1,196 @@
+"""Rules over several robots, rewritten as rules of one robot each (the protocol of docs/language.md, "Ensemble rules").
+
+The robots exchange facts of predicates whose names the program does not use; the byte-code says of each what the
+runtime does with it (`rmr.bytecode.program.Duty`). A life number is the number of a robot's earlier starts.
+
+TOLD. The home subscribes once; the remote tells each match of its part once; the home joins the copies.
+
+OFFERED. The home sets the facts of its own part aside under a number and offers to the remote, which it names with the
+life that it knows. The remote fires or refuses at once:
+
+    home                                   remote
+    draw: p aside, note, offer     --->    offer of another life: refuse, tell the life
+                                           part holds: consume it, decide    (the facts of its head wait)
+    decided: facts aside go, head  <---    fired
+                                   ack     the facts of its head come
+    refused: facts aside return    <---    refused; the wish is kept
+    wish granted: draw again       <---    have: the part holds now
+
+A decision takes effect at the home before the remote acts on it: the remote's part of the head is derived when the home
+has acknowledged. A remote that dies before that has shown nothing. Every message names the lives that it is about, so
+that no offer is decided twice. A home that hears of the next life of a remote takes back what it has offered to the
+earlier one, unless that one's decision has come: the exchange drops what comes from an earlier life of its sender.
+
+A remote that itself waits for a decision does not refuse an offer from a robot with a lower number: it answers when its
+own facts are back. Of robots that offer to one another, one therefore fires.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from rmr.bytecode.program import Best, Duty, Kind
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.lower.ensemble_writer import INT, ROBOT_TYPE, EnsembleWriter, RuleWriter
+from rmr.lang.lower.joint_plan import (
+    JointPlan,
+    RemotePart,
+    known_from,
+    names_in,
+)
+from rmr.lang.lower.offer_rules import OfferRules
+from rmr.lang.lower.reserve_rules import ReserveRules
+from rmr.lang.read.syntax import (
+    Binary,
+    Condition,
+    Conjunct,
+    Expression,
+    FactNode,
+    Literal,
+    RuleItem,
+    Variable,
+)
+
+
+def rewritten(plan: JointPlan, writer: EnsembleWriter, found: Diagnostics) -> list[RuleItem]:
+    """Return the rules of one robot that a plan becomes, those that answer others first."""
+    writer.result.plans.append(plan)
+    return _Rewriting(writer, plan, found).rules()
+
+
+class _Rewriting(RuleWriter):
+    """The rewriting of one rule."""
+
+    def rules(self) -> list[RuleItem]:
+        plan = self.plan
+        self.learn([*plan.facts, *[fact for part in plan.remotes for fact in part.facts]])
+        rules: list[RuleItem] = []
+        facts: list[FactNode] = list(plan.facts)
+        conditions: list[Condition] = list(plan.conditions)
+        for part in plan.told:
+            view, more, conditions = self._told(part, conditions)
+            facts.append(view)
+            rules += more
+        parts = []
+        for part in plan.offered:
+            if part.inverted is None:
+                parts.append(part)
+                continue
+            # The home learns from the remote's link that there is this robot.
+            view, more, conditions = self._told(replace(part, facts=(part.inverted,), absent=()), conditions)
+            facts.append(view)
+            rules += more
+            parts.append(replace(part, facts=tuple(each for each in part.facts if each is not part.inverted)))
+        if parts:
+            return [*rules, *self._offered(parts, facts, conditions)]
+        body: tuple[Conjunct, ...] = (*facts, *conditions, *plan.folds, *plan.absent)
+        return [*rules, RuleItem(body, plan.rule.head, self._span)]
+
+    # ---- told
+
+    def _told(self, part: RemotePart, conditions: list[Condition]) -> tuple[FactNode, list[RuleItem], list[Condition]]:
+        """Return the home's copy of a remote part, the rules that make it, and the conditions left for the home."""
+        home = self.home
+        remote = part.owner
+        own = known_from(part.facts, [])
+        ends = {each.name for each in (home, remote) if isinstance(each, Variable)}
+        pushed = [each for each in conditions if set(names_in(each)) <= own | ends and set(names_in(each)) - ends]
+        left = [each for each in conditions if each not in pushed]
+        shown = [name for name in names_in(part.facts) if name not in ends and name in own]
+        argument = (remote,) if isinstance(remote, Variable) else ()
+        best = self._best(part, shown, len(argument))
+        types = [*[ROBOT_TYPE for _ in argument], *[self.type(name) for name in shown]]
+        view = self.make("told", Duty.VIEW, types, Kind.PERSISTENT, best=best)
+        self.must_fit("what is told", shown, 3)
+        copy = self.fact(view, home, *argument, *self.variables(shown))
+        rules = []
+        if part.inverted is not None:
+            # The remote's own fact names the home: it needs no subscription. After a restart it tells all again.
+            life = self.new(INT)
+            again = self.shared("knows", remote, home, life)
+            positive = self.test(">", life, Literal(0, self.at))
+            rules.append(self.rule([*part.facts, *pushed], [copy]))
+            rules.append(self.rule([*part.facts, *pushed, again, positive], [copy]))
+            return copy, rules, left
+        wish = self.make("wish", Duty.VIEW, [ROBOT_TYPE, INT], Kind.PERSISTENT)
+        wished = self.make("wished", Duty.NOTE, [ROBOT_TYPE], Kind.PERSISTENT)
+        life = self.new(INT)
+        other = self.new(INT)
+        mine = self.shared("life", home, life)
+        sent = self.fact(wish, remote, home, life)
+        if part.link is not None and all(isinstance(each, Literal | Variable) for each in part.link.arguments):
+            link: list[Conjunct] = [*self.kept([part.link])]
+        else:
+            link = [*self.kept(self.plan.facts), *self._needed(part)]
+        rules.append(
+            self.rule(
+                [*link, mine, self.fact(wished, home, remote, absent=True)], [self.fact(wished, home, remote), sent]
+            )
+        )
+        told_of = [self.fact(wished, home, remote), mine, self.shared("knows", home, remote, other)]
+        rules.append(self.rule([*told_of, self.test(">", other, Literal(0, self.at))], [sent]))
+        asked = self.fact(wish, remote, home, self.variable("_"))
+        rules.append(self.rule([asked, *part.facts, *pushed], [copy]))
+        return copy, rules, left
+
+    def _needed(self, part: RemotePart) -> list[Condition]:
+        """Return the equations that compute the robot of a remote part."""
+        if isinstance(part.owner, Literal):
+            return []
+        known = known_from(self.plan.facts, [])
+        needed: list[Condition] = []
+        bound = known_from(self.plan.facts, self.plan.conditions)
+        for each in self.plan.conditions:
+            is_equation = isinstance(each.expression, Binary) and each.expression.operator == "="
+            if is_equation and set(names_in(each)) <= bound:
+                needed.append(each)
+        return [] if part.owner.name in known else needed
+
+    def _best(self, part: RemotePart, shown: Sequence[str], before: int) -> Best | None:
+        """Return which copies are kept of a predicate of which only the best fact is."""
+        fact = part.facts[0]
+        best = self._names.of(fact).best
+        if best is None:
+            return None
+        compared = fact.arguments[1 + best.argument]
+        if not isinstance(compared, Variable) or compared.name not in shown:
+            return None
+        return Best(before + list(shown).index(compared.name), best.least)
+
+    # ---- offered
+
+    def _offered(self, parts: list[RemotePart], facts: list[FactNode], conditions: list[Condition]) -> list[RuleItem]:
+        """Return the rules for remotes that decide, one or two."""
+        facts, equations = self._plainly(facts)
+        conditions = [*equations, *conditions]
+        results = [fold.result.name for fold in self.plan.folds if fold.result is not None]
+        known = known_from(facts, conditions, results)
+        here = [each for each in conditions if set(names_in(each)) <= known]
+        there = [each for each in conditions if each not in here]
+        if len(parts) == 1:
+            return OfferRules(self, parts[0], facts, here, there, known).rules()
+        rules: list[RuleItem] = []
+        for first, last in (parts, parts[::-1]):
+            plain, more = self._plainly(first.facts)
+            booking = replace(first, facts=tuple(plain))
+            rules += ReserveRules(self, booking, last, facts, here, [*more, *there], known).rules()
+        return rules
+
+    def _plainly(self, facts: Iterable[FactNode]) -> tuple[list[FactNode], list[Condition]]:
+        """Return the home's atoms with variables and constants only, so that what is consumed can come back."""
+        plain: list[FactNode] = []
+        equations: list[Condition] = []
+        for fact in facts:
+            arguments: list[Expression] = [fact.arguments[0]]
+            cells = self._types.positions[fact.name.text][1:]
+            for argument, cell in zip(fact.arguments[1:], cells, strict=True):
+                open_ended = isinstance(argument, Variable) and argument.anonymous
+                named = isinstance(argument, Literal | Variable) and not open_ended
+                if named or (open_ended and not self.consumable(fact)):
+                    arguments.append(argument)
+                else:
+                    variable = self.new(cell.type)
+                    arguments.append(variable)
+                    if not open_ended:
+                        equations.append(self.test("=", variable, argument))
+            plain.append(replace(fact, arguments=tuple(arguments)))
+        return plain, equations

@@ -1,0 +1,392 @@
+"""Random histories of ensemble rules: robots over an air that loses, doubles, delays and reorders, and that crash.
+
+Each fact has a number of its own, and every insertion is recorded in every life. At the end the air is healed and all
+robots live; then no fact may have been used twice, no firing be half, and nothing be set aside, held or left unfired.
+
+Run as a program for a long campaign: ``python ensemble_campaign.py FIRST LAST``; each failing seed is printed.
+"""
+
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cache
+from heapq import heappop, heappush
+from itertools import product
+from random import Random
+
+from rmr.base.arena import NOWHERE
+from rmr.base.time import NEVER, Instant, milliseconds, seconds
+from rmr.base.values import Robot
+from rmr.bytecode.program import Duty, Program
+from rmr.lang.compiler import compile_source
+from rmr.node import payloads
+from rmr.node.config import NodeConfig
+from rmr.node.node import Node
+from rmr.node.ports import Confirmed, Ports, Received
+from rmr.node.trace import TraceLevel
+from rmr.vm.engines import Engine
+from rmr.vm.machine_events import FactInserted
+
+LATE_MAX = milliseconds(400)
+"""Longest delay of a frame, but for the copies that come after any time."""
+FAULTS_FOR = seconds(12)
+HEALED = seconds(80)
+"""Longer than a delivery of an ordinary fact lives, and than the longest pause between two repeats of a lasting one."""
+
+PROGRAM = """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type !got(robot, int, int).
+type !gave(robot, int, int).
+waiting(A, X), free(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
+"""
+KEPT = """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type !got(robot, int, int).
+type !gave(robot, int, int).
+waiting(A, X), $tool(A, _), free(B, Y), peer(A, B), X % 3 = Y % 3 -o got(A, X, Y), gave(B, X, Y).
+"""
+MUTUAL = """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type !got(robot, int, int).
+type !gave(robot, int, int).
+waiting(A, X), waiting(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
+"""
+"""Every robot offers to every other one: what waits is used on either side."""
+TRIO = """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type spare(robot, int).
+type !got(robot, int, int, int).
+type !gave(robot, int, int, int).
+type !lent(robot, int, int, int).
+waiting(A, X), $tool(A, _), free(B, Y), spare(C, Z), peer(A, B), peer(A, C)
+    -o got(A, X, Y, Z), gave(B, X, Y, Z), lent(C, X, Y, Z).
+"""
+"""Two robots besides the home decide."""
+PROGRAMS = (PROGRAM, KEPT, MUTUAL, TRIO)
+IN_BETWEEN = (
+    *("held", "offer", "fired", "refused", "out_", "reserve", "booked", "commit", "abort", "ask_", "asking", "note"),
+    *("closing", "settled", "stands", "hello", "have", "aside"),
+)
+"""Beginnings of the names of predicates that hold nothing once all is settled."""
+RECORDS = ("got", "gave", "lent")
+"""What the robots of a firing hold of it, in the order of its numbers."""
+
+
+@cache
+def compiled(text: str) -> Program:
+    """Return the program of a source."""
+    program = compile_source(text).program
+    assert program is not None
+    return program
+
+
+class AirLink:
+    """The radio of one life of a robot."""
+
+    payload_max = payloads.PAYLOAD_OCTETS_MAX
+
+    def __init__(self, history: "History", robot: int) -> None:
+        self.history = history
+        self.robot = robot
+        self.received: list[Received] = []
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
+        """Send a frame."""
+        del handle, due
+        if destination is not None:
+            self.history.send(self.robot, destination, payload)
+
+    def receive(self) -> list[Received]:
+        """Return what has arrived since the last call."""
+        received, self.received = self.received, []
+        return received
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return nothing: no frame of coordination is sent."""
+        return []
+
+
+@dataclass
+class Token:
+    """A fact with a number of its own."""
+
+    name: str
+    robot: int
+    life: int
+
+
+@dataclass
+class History:
+    """One run."""
+
+    seed: int
+    text: str = PROGRAM
+    engine: Engine = Engine.GENERATED
+    crashes: bool = True
+    now: Instant = 0
+    tokens: dict[int, Token] = field(default_factory=dict)
+    seen: dict[str, list[tuple[int, int, tuple[int, ...]]]] = field(default_factory=dict)
+    """By record: robot, its life, and the numbers of the facts, of each insertion."""
+
+    def __post_init__(self) -> None:
+        self.rng = Random(self.seed)
+        self.program = compiled(self.text)
+        self.seen = {name: [] for name in RECORDS}
+        self.count = self.rng.randint(2 + (self.text == TRIO), 4)
+        self.loss = self.rng.choice((0.0, 0.2, 0.5))
+        self.double = self.rng.choice((0.0, 0.3))
+        self.late = self.rng.choice((0, LATE_MAX))
+        self.lives = [-1] * self.count
+        self.nodes: list[Node | None] = [None] * self.count
+        self.links: list[AirLink | None] = [None] * self.count
+        self.cut: set[frozenset[int]] = set()
+        self.air: list[tuple[Instant, int, int, int, bytes]] = []
+        """(arrival, number, source, destination, frame)."""
+        self.old: list[tuple[int, int, bytes]] = []
+        self.frames = 0
+
+    # ---- the air
+
+    def send(self, source: int, destination: int, payload: bytes) -> None:
+        """Send a frame, or lose it, or double it; some copies come much later."""
+        self.old.append((source, destination, payload))
+        if frozenset((source, destination)) in self.cut:
+            return
+        copies = 2 if self.rng.random() < self.double else 1
+        for _ in range(copies):
+            if self.rng.random() >= self.loss:
+                delay = milliseconds(5) + (self.rng.randrange(self.late) if self.late else 0)
+                self.put(self.now + delay, source, destination, payload)
+
+    def put(self, at: Instant, source: int, destination: int, payload: bytes) -> None:
+        """Let a frame arrive at an instant."""
+        self.frames += 1
+        heappush(self.air, (at, self.frames, source, destination, payload))
+
+    # ---- robots
+
+    def start(self, robot: int) -> None:
+        """Begin a life of a robot."""
+        self.lives[robot] += 1
+        life = self.lives[robot]
+
+        def witness(_: int, __: Instant, event: object) -> None:
+            if isinstance(event, FactInserted):
+                name = self.program.predicates[event.predicate].name
+                if name in RECORDS:
+                    self.seen[name].append((robot, life, event.args))  # type: ignore[arg-type]
+
+        config = NodeConfig(
+            robot,
+            range(self.count),
+            NOWHERE,
+            self.seed,
+            epoch=life,
+            trace=TraceLevel.FACTS,
+            engine=self.engine,
+            witness=witness,
+        )
+        link = AirLink(self, robot)
+        node = Node(config, self.program, Ports(link, None), {}, 7)
+        self.links[robot], self.nodes[robot] = link, node
+        node.start(self.now)
+
+    def insert(self, robot: int, name: str) -> None:
+        """Give a living robot a fact with a new number."""
+        node = self.nodes[robot]
+        if node is not None:
+            number = len(self.tokens)
+            self.tokens[number] = Token(name, robot, self.lives[robot])
+            node.insert(self.now, name, (number,))
+
+    def crash(self, robot: int) -> None:
+        """End a life: its memory is lost."""
+        self.nodes[robot] = self.links[robot] = None
+
+    # ---- a run
+
+    def run(self) -> list[str]:
+        """Run the history; return what is wrong."""
+        for robot in range(self.count):
+            self.start(robot)
+            self.insert(robot, "tool")
+        events = sorted(self.rng.randrange(FAULTS_FOR) for _ in range(self.rng.randint(4, 24)))
+        for at in events:
+            self.until(at)
+            self.happen()
+        self.until(FAULTS_FOR)
+        self.loss, self.late = 0.0, 0
+        self.cut.clear()
+        for robot in range(self.count):
+            if self.nodes[robot] is None:
+                self.start(robot)
+                self.insert(robot, "tool")
+        self.until(FAULTS_FOR + HEALED)
+        return self.problems()
+
+    def happen(self) -> None:
+        """Let a fact come, or a fault."""
+        rng = self.rng
+        robot = rng.randrange(self.count)
+        kinds = ("waiting", "free", "spare", "crash", "cut", "late")
+        kind = rng.choices(kinds, (5, 4, 4 * (self.text == TRIO), 3 * self.crashes, 1, 2))[0]
+        if kind in {"waiting", "free", "spare"}:
+            self.insert(robot, kind)
+        elif kind == "crash" and self.nodes[robot] is not None:
+            self.crash(robot)
+        elif kind == "crash":
+            self.start(robot)
+            self.insert(robot, "tool")
+        elif kind == "cut":
+            other = rng.randrange(self.count)
+            self.cut ^= {frozenset((robot, other))}
+        elif self.old:
+            # A copy that comes after any time, of any life.
+            self.put(self.now + rng.randrange(seconds(8)), *rng.choice(self.old))
+
+    def until(self, end: Instant) -> None:
+        """Let time pass."""
+        while True:
+            wakes = [node.next_wake for node in self.nodes if node is not None]
+            at = min([*wakes, self.air[0][0] if self.air else NEVER])
+            if at > end:
+                self.now = end
+                return
+            self.now = max(self.now, at)
+            while self.air and self.air[0][0] <= self.now:
+                _, _, source, destination, payload = heappop(self.air)
+                link = self.links[destination]
+                if link is not None:
+                    link.received.append(Received(payload, source, True, -50, 200, self.now))
+            for robot, node in enumerate(self.nodes):
+                link = self.links[robot]
+                if node is not None and link is not None and (link.received or node.next_wake <= self.now):
+                    node.tick(self.now)
+                    node.next_wake = max(node.next_wake, self.now + 1)
+
+    # ---- what must hold
+
+    def problems(self) -> list[str]:
+        """Return what is wrong at the end."""
+        return [*self.twice(), *self.half(), *self.unsettled()]
+
+    def firings(self) -> set[tuple[int, ...]]:
+        """The numbers of the facts of each firing that a robot has seen in any life."""
+        return {numbers for seen in self.seen.values() for _, _, numbers in seen}
+
+    def has(self, place: int, firing: tuple[int, ...]) -> bool:
+        """Whether a robot of a firing got its part."""
+        return any(numbers == firing for _, _, numbers in self.seen[RECORDS[place]])
+
+    def survives(self, number: int) -> bool:
+        """Whether the robot of a fact has lived since."""
+        token = self.tokens[number]
+        return self.lives[token.robot] == token.life
+
+    def excused(self, place: int, firing: tuple[int, ...]) -> bool:
+        """Whether a robot may not know of a firing: it had reserved, and both that knew lost their memory."""
+        if len(firing) < 3 or place == 0 or self.has(place, firing):
+            return False
+        one, two = firing[1:]
+        reserves = 1 if self.tokens[one].robot < self.tokens[two].robot else 2
+        return place == reserves and not self.survives(firing[0]) and not self.survives(firing[3 - reserves])
+
+    def twice(self) -> list[str]:
+        """Facts that were used by two firings, in whatever life."""
+        used = Counter(
+            number
+            for firing in self.firings()
+            for place, number in enumerate(firing)
+            if not self.excused(place, firing)
+        )
+        wrong = [f"fact {number} was used {times} times" for number, times in used.items() if times > 1]
+        for name, seen in self.seen.items():
+            wrong += [f"{name} {each} came twice" for each, times in Counter(seen).items() if times > 1]
+        return wrong
+
+    def half(self) -> list[str]:
+        """Firings of which a living robot has one part, and another, or the same, lacks one."""
+        wrong = []
+        firings = self.firings()
+        for firing in firings:
+            for place, number in enumerate(firing):
+                lacks = not self.has(place, firing) or self.holds(number) if self.survives(number) else False
+                if lacks and not self.excused(place, firing):
+                    wrong.append(f"{firing}: the robot of {number} has no part")
+        used = {number for firing in firings for number in firing}
+        for number, token in self.tokens.items():
+            lives = self.lives[token.robot] == token.life
+            if lives and token.name != "tool" and number not in used and not self.holds(number):
+                wrong.append(f"fact {number} is gone")
+            if lives and token.name == "tool" and not self.holds(number):
+                wrong.append(f"tool {number} is gone")
+        return wrong
+
+    def holds(self, number: int) -> bool:
+        """Whether a fact holds at the end."""
+        token = self.tokens[number]
+        node = self.nodes[token.robot]
+        assert node is not None
+        index = self.program.index(token.name)
+        assert index is not None
+        return (number,) in node.machine.held(index)
+
+    def unsettled(self) -> list[str]:
+        """What is set aside, held back or could fire at the end."""
+        wrong = []
+        for robot, node in enumerate(self.nodes):
+            assert node is not None
+            wrong += [f"{robot}: {each} is set aside" for each in node.machine.set_aside()]
+            wrong += [f"{robot}: {each}" for each in node.outstanding]
+            for hidden in self.program.ensemble:
+                name = self.program.predicates[hidden.predicate].name
+                if name.startswith(IN_BETWEEN) and node.machine.held(hidden.predicate):
+                    wrong.append(f"{robot}: {name} {node.machine.held(hidden.predicate)}")
+                if hidden.duty is Duty.LIFE and node.machine.held(hidden.predicate) != [(self.lives[robot],)]:
+                    wrong.append(f"{robot}: not life {self.lives[robot]}")
+        return [*wrong, *self.unfired()]
+
+    def unfired(self) -> list[str]:
+        """Facts that a rule could use at the end."""
+        wrong = []
+        if self.text == TRIO:
+            found = [self.left(name) for name in ("waiting", "free", "spare")]
+            return [f"{each} are left" for each in product(*found) if len({robot for robot, _ in each}) == 3]
+        left = {name: self.left(name) for name in ("waiting", "free")}
+        for one, x in left["waiting"]:
+            for other, y in left["waiting" if self.text == MUTUAL else "free"]:
+                if one != other and (self.text != KEPT or x % 3 == y % 3):
+                    wrong.append(f"{x} of {one} and {y} of {other} are left")
+        return wrong
+
+    def left(self, name: str) -> list[tuple[int, int]]:
+        """The facts of a predicate that are left, with their robots."""
+        index = self.program.index(name)
+        assert index is not None
+        found = [(robot, node.machine.held(index)) for robot, node in enumerate(self.nodes) if node is not None]
+        return [(robot, args[0]) for robot, facts in found for args in facts if not isinstance(args[0], Robot)]  # type: ignore[misc]
+
+
+def main(first: int, last: int) -> int:
+    """Run the seeds; return how many fail."""
+    failed = 0
+    for seed in range(first, last):
+        for place, text in enumerate(PROGRAMS):
+            engine = (Engine.GENERATED, Engine.INTERPRETER)[seed % 2]
+            wrong = History(seed, text, engine).run()
+            failed += bool(wrong)
+            if wrong:
+                print(seed, place, wrong[:4], flush=True)
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2])) != 0)
