@@ -25,6 +25,7 @@ _HOMES = {
     "compile": "rmr.eval.api",
     "evaluate": "rmr.eval.api",
     "EventError": "rmr_sim.event",
+    "invariant": "rmr_sim.user_invariants",
     "LabError": "rmr_world.finding",
     "Run": "rmr_sim.simulation_api",
     "simulate": "rmr_sim.simulation_api",

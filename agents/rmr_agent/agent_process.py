@@ -22,19 +22,31 @@ from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
-from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
+from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
 from rmr_agent.robot import RobotSetup
 from rmr_agent.robot_process import live
+from rmr_agent.state_folder import StateFolder
 
 
 def _load(options: argparse.Namespace) -> RobotSetup:
-    loaded = load_program(options.program)
+    loaded = no_program() if options.program is None else load_program(options.program)
     check_actions(loaded.program, load_handlers(options.actions))
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
     except KeyFileError as error:
         raise RefusedError(str(error)) from None
-    return RobotSetup(loaded, partial(load_handlers, options.actions), key)
+    return RobotSetup(loaded, partial(load_handlers, options.actions), key, _states(options, loaded))
+
+
+def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolder]:
+    """Return the folders of the robots, if they are durable. Raises StateRefusedError."""
+    if options.state is None:
+        return {}
+    if options.program is None:
+        raise RefusedError("--state needs a program: the state of a robot belongs to the program that it began with")
+    several = len(options.id) > 1
+    folders = {robot: options.state / str(robot) if several else options.state for robot in options.id}
+    return {robot: StateFolder(path, robot, loaded.digest, options.durability) for robot, path in folders.items()}
 
 
 async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from typing import Final
 
 from rmr.base.geometry import STILL, Twist
-from rmr.base.time import Duration, Instant, milliseconds
+from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.bus import wire
 from rmr.node.frame_log import FrameLog
+from rmr.node.payloads import PayloadKind
 from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
 from rmr.radio.station import Station
@@ -26,6 +27,9 @@ another run, as when a world begins anew and some robots have not noticed yet, a
 
 SAMPLES_MAX: Final = 240
 """Sensor samples that wait for the node: four seconds of a moving robot."""
+
+LOAD_OCTET: Final = bytes((PayloadKind.LOAD,))
+"""Beginning of a frame about a new program."""
 
 FRAMES_MAX: Final = 512
 """Frames and outcomes that wait for the node."""
@@ -42,6 +46,8 @@ class RadioLink:
         self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
         self.overhear: Callable[[Instant, Received], bool] = lambda _now, _frame: False
         """Takes in a frame for which the node need not be called; what it refuses waits for the node's call."""
+        self.programs: Callable[[Instant, Received], None] | None = None
+        """Takes the frames about new programs, which are none of the node's."""
         self.frames: FrameLog | None = None
         """Takes note of each transmission, where the robot is recorded."""
         self.dropped = 0
@@ -59,12 +65,12 @@ class RadioLink:
         """Octets of payload that a frame holds."""
         return self.station.payload_max
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Queue `payload`; see `rmr.node.ports.RadioPort`."""
         now = self._now()
         if self.frames is not None:
             self.frames.requested(now, payload, handle)
-        self.station.request(now, payload, destination, handle)
+        self.station.request(now, payload, destination, handle, due)
 
     def receive(self) -> list[Received]:
         """Return what has arrived since the last call."""
@@ -99,6 +105,8 @@ class RadioLink:
                 self._confirmed.append(out)
                 if self.frames is not None:
                     self.frames.confirmed(now, out)
+            elif self.programs is not None and out.payload[:1] == LOAD_OCTET:
+                self.programs(now, out)
             elif self._received or not self.overhear(now, out):
                 self.dropped += len(self._received) == FRAMES_MAX
                 self._received.append(out)

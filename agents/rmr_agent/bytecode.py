@@ -20,6 +20,12 @@ class Loaded(NamedTuple):
 
     program: Program
     digest: int
+    octets: bytes
+
+
+def no_program() -> Loaded:
+    """Return what a robot has that waits for its first program: an empty one that is never started."""
+    return Loaded(Program(()), 0, b"")
 
 
 def load_program(path: Path) -> Loaded:
@@ -30,7 +36,7 @@ def load_program(path: Path) -> Loaded:
     except OSError as error:
         raise RefusedError(f"{path}: {error.strerror or error}") from None
     try:
-        return Loaded(codec.decode(data), codec.digest(data))
+        return Loaded(codec.decode(data), codec.digest(data), data)
     except codec.BytecodeError as error:
         hint = " (compile it first: rmrc PROG.rmr)" if path.suffix == ".rmr" else ""
         raise RefusedError(f"{path}: {error}{hint}") from None

@@ -8,15 +8,18 @@ within a frame anyway.
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final
 
 from rmr.base import arena
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
+from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant, in_seconds
 from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
+from rmr.mind.durable_node import DurableNode
+from rmr.mind.journal import DurableState
 from rmr.mind.mind_log import MindSink
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.actions.dispatcher import Handler
@@ -35,6 +38,7 @@ from rmr_agent.bus_ports import RADIO_GRACE, BusBody, RadioLink
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.local_air import LocalAir
+from rmr_agent.program_updates import ProgramUpdates
 
 FRAME: Final[Duration] = NS_PER_S // TICK_HZ
 
@@ -75,6 +79,22 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int, phase
         epoch=epoch,
         phase=phase,
     )
+
+
+Configure = Callable[[Program], NodeConfig]
+"""Returns the configuration under a program. Raises RefusedError if the lab does not fit it."""
+
+
+def configuration(robot: int, known: wire.Map, loaded: Loaded, phase: Duration) -> tuple[NodeConfig, Configure | None]:
+    """Return the node's configuration, and for a robot that waits for its first program what gives it under that one.
+
+    Raises RefusedError if the lab does not fit the program.
+    """
+    if loaded.octets:
+        return node_config(robot, known, loaded.program, known.lives, phase), None
+    bare = known._replace(facts=())  # an empty program knows no fact
+    config = node_config(robot, bare, loaded.program, known.lives, phase)
+    return config, lambda program: node_config(robot, known, program, known.lives, phase)
 
 
 def _fitted(program: Program, name: str, owner: int | None, args: tuple[Value, ...]) -> GivenFact:
@@ -156,8 +176,14 @@ class Incarnation:
         send: "Outlets",
         fail: Callable[[BaseException], None],
         minds: MindSink | None = None,
+        state: DurableState | None = None,
+        configure: Configure | None = None,
     ) -> None:
-        """`minds` takes the log of the node's inputs (`rmr.mind`); without it there is none."""
+        """`minds` takes the log of the node's inputs (`rmr.mind`); without it there is none.
+
+        With a `state` the robot is durable, and `minds` gets nothing. `configure` returns the configuration under the
+        first program of a robot that waits for one. Raises JournalError if a durable robot cannot go on.
+        """
         self._clock = clock
         self._fail = fail
         self._loop = asyncio.get_running_loop()
@@ -173,11 +199,16 @@ class Incarnation:
         self.body = BusBody(send.act)
         ports = Ports(self.link, self.body, self._spent)
         self.node: Node
-        if minds is None:
+        if state is not None:
+            self.node = DurableNode(
+                config, loaded.program, ports, handlers, loaded.digest, state.journal, state.stored, state.noted
+            )
+        elif minds is None:
             self.node = Node(config, loaded.program, ports, handlers, loaded.digest)
         else:
             self.node = RecordedNode(config, loaded.program, ports, handlers, loaded.digest, minds)
-        self.link.overhear = self.node.overhear
+        self.programs = ProgramUpdates(self.node, config, station, loaded, handlers, send.answer, self.now, configure)
+        self.link.programs = self.programs.heard
         approach.foresee(config.arena)
         self.started = False
         self.after_turn: Callable[[Instant], None] | None = None
@@ -191,6 +222,24 @@ class Incarnation:
 
     def _spent(self) -> Duration:
         return time.thread_time_ns() - self._begun_cpu
+
+    @property
+    def _start_due(self) -> Instant:
+        """When a robot is to start: at the start of lab time, or when it knows which program the others run."""
+        return 0 if self.now() < 0 else NEVER
+
+    @property
+    def resumption(self) -> str:
+        """How a durable robot goes on, in words; empty if it begins."""
+        node = self.node
+        if not isinstance(node, DurableNode) or not node.brought_back:
+            return ""
+        return f", and goes on as it was at {in_seconds(node.now):.3f} s of lab time"
+
+    @property
+    def resumed(self) -> dict[str, Any]:
+        """What the report says of a durable robot that goes on: it covers the time before, too."""
+        return {"resumed": True} if self.resumption else {}
 
     @property
     def ready(self) -> bool:
@@ -227,6 +276,12 @@ class Incarnation:
         if station.next_wake < self._wakes or (station.soonest <= now and self._wakes - now > FRAME):
             self.wake()
 
+    def load(self, body: wire.Message) -> None:
+        """Take in what an operator says about a new program."""
+        if self._clock.running and self.body.place is not None:
+            self.programs.told(self.now(), body)
+            self.wake()
+
     def disturb(self, held: tuple[Disturbance, ...]) -> None:
         """Let these disturbances of the radio, and no others, hold."""
         self.link.station.links.replace(held)
@@ -242,10 +297,19 @@ class Incarnation:
         self._over = True
         if isinstance(self.node, RecordedNode):
             self._tell_not_delivered(self.node)
-            self.node.end_log()
+            with suppress(OSError):  # of a full disk the robot has told when it stopped
+                self.node.end_log()
         self._air.leave()
         if self._timer is not None:
             self._timer.cancel()
+
+    def commit(self) -> None:
+        """Let the disk have all that a durable robot has done, before others are told of it."""
+        if isinstance(self.node, DurableNode):
+            try:
+                self.node.commit()
+            except OSError as error:
+                self._fail(error)
 
     def _tell_not_delivered(self, node: RecordedNode) -> None:
         node.not_delivered(self.body.dropped, self.link.dropped, self.link.malformed)
@@ -276,8 +340,13 @@ class Incarnation:
         if now < 0:
             return
         if not self.started:
+            self.link.advance(now, *self.body.place)
+            if not self.programs.may_start(now):
+                return
             self.started = True
+            self.link.overhear = self.node.overhear
             self.node.start(now)
+        self.programs.advance(now)
         if isinstance(self.node, RecordedNode):
             self._tell_not_delivered(self.node)
         x, y = self.body.place
@@ -295,7 +364,8 @@ class Incarnation:
     def _sleep(self) -> None:
         if not self._clock.running or self.body.place is None:
             return  # the clock's start, or the first sample, wakes
-        wake = min(self.node.next_wake if self.started else 0, self.link.station.next_wake, NEVER)
+        wake = min(self.node.next_wake if self.started else self._start_due, self.link.station.next_wake, NEVER)
+        wake = min(wake, self.programs.next_wake)
         delay_s = (wake - self.now()) / NS_PER_S
         if delay_s <= 0:
             self.wake()
@@ -307,6 +377,10 @@ class Incarnation:
 class Outlets:
     """Where an incarnation's output goes."""
 
-    def __init__(self, air: LocalAir, act: Callable[[wire.Message], None]) -> None:
+    def __init__(
+        self, air: LocalAir, act: Callable[[wire.Message], None], answer: Callable[[wire.Message], None]
+    ) -> None:
+        """`answer` sends to operators."""
         self.air = air
         self.act = act
+        self.answer = answer

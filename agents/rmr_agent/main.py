@@ -36,7 +36,9 @@ def _declare(parser: "Parser") -> None:
     from rmr.bus.endpoint import DEFAULT_ENDPOINT, read_endpoint
     from rmr.bus.keys import Keys
 
-    parser.positional("program", "PROG.rbc", help="the byte-code to run")
+    parser.positional(
+        "program", "PROG.rbc", count="?", usage="[PROG.rbc]", help="the byte-code to run; without: wait for rmr load"
+    )
     parser.option(
         "--id", required=True, read=listed, metavar="N", help="which robot of the lab this is; 1-20: several robots"
     )
@@ -54,6 +56,18 @@ def _declare(parser: "Parser") -> None:
     parser.option(
         "--lab", read=lambda text: Keys(text).lab, metavar="NAME", help="the lab, where several run at one endpoint"
     )
+    parser.option(
+        "--state",
+        read=Path,
+        metavar="DIR",
+        help="keep the robot's state here: killed and started again, it goes on (of several robots, DIR/N for robot N)",
+    )
+    parser.choice(
+        "--durability",
+        ("process", "power"),
+        default="process",
+        help="what the state survives: the end of the process, or a loss of power, too",
+    )
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the robots; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
 
@@ -62,6 +76,10 @@ def _live(**options: Any) -> int:
     """Run the robots until their end; return the exit code."""
     from argparse import Namespace
 
+    from rmr.entry.command_line import CommandLineError
+
+    if options["durability"] == "power" and options["state"] is None:
+        raise CommandLineError("--durability says what a state survives: name its folder with --state DIR")
     try:
         from rmr_agent.agent_process import perform
 

@@ -15,25 +15,29 @@ import contextlib
 import logging
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rmr.bus import wire
-from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
+from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
-from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
+from rmr.mind.journal import JournalError
+from rmr.node.actions.dispatcher import Handler
 from rmr.node.report import progress, robot_report
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.incarnation import Incarnation, Outlets, floor_grid, make_station, node_config, phase_of
+from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
 from rmr_agent.local_air import LocalAir
 from rmr_agent.radio_security import make_security
 from rmr_agent.robot_recording import RobotRecording
+from rmr_agent.state_folder import StateFolder, StateFullError, begun_header
 from rmr_agent.status_publisher import StatusPublisher
+from rmr_agent.trace_words import failure_words
 
 SAY_AGAIN_S = 5.0
 """Period of the message that the robot waits for its world."""
@@ -73,10 +77,13 @@ class RobotSetup(NamedTuple):
     """The settings of a robot process; everything else comes from its world."""
 
     loaded: Loaded
+    """Without octets: the robots wait for their first program."""
     fresh: Callable[[], dict[str, Handler]]
     """Returns handlers for one incarnation of one robot, which has the globals of the user's file to itself."""
     key: bytes | None
     """Of the radio; None where the lab's is open."""
+    states: Mapping[int, StateFolder] = MappingProxyType({})
+    """The folders of the robots that are durable."""
 
 
 class HostedRobot:
@@ -199,6 +206,7 @@ class HostedRobot:
         bus.subscribe(keys.clock, self._on_clock)
         bus.subscribe(keys.disturbances, self._on_disturbances)
         bus.subscribe(keys.stop(self._robot), self._on_stop)
+        bus.subscribe(keys.load(self._robot), self._on_load)
         bus.declare_alive(keys.alive(ROBOT_ROLE, self._robot))
         bus.watch_alive(keys.alive(WORLD_ROLE, "*"), self._on_world)
         bus.on_transport = self._on_transport
@@ -211,20 +219,27 @@ class HostedRobot:
             self._incarnation.end()
             log.info("another run has begun; robot %d starts anew", self._robot)
         try:
-            loaded, fresh, key = self._setup
+            loaded, fresh, key, _ = self._setup
             phase = phase_of(self._first, known.roster)
-            config = node_config(self._robot, known, loaded.program, known.lives, phase)
+            config, configure = configuration(self._robot, known, loaded, phase)
             security = make_security(self._robot, known, envelope.run, key)
             station = make_station(config, known.radio, security)
             send = Outlets(
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
+                lambda body: self._bus.publish(self._keys.load(OPERATOR), body),
             )
             handlers = fresh()
-            minds = self._recording.open(known, envelope.run, self._clock)
-            fail = self._ending.break_down
-            self._incarnation = Incarnation(config, loaded, handlers, station, self._clock, send, fail, minds)
-        except RefusedError as error:
+            state = None
+            if (folder := self._setup.states.get(self._robot)) is not None:
+                header = begun_header(config, loaded, handlers, station.payload_max, known.lab, envelope.run)
+                config, state = folder.taken_up(header, config)
+            # The log of a mind begins with its program: a robot that has waited for one is not recorded.
+            minds = None if configure else self._recording.open(known, envelope.run, self._clock)
+            self._incarnation = Incarnation(
+                config, loaded, handlers, station, self._clock, send, self._fail, minds, state, configure
+            )
+        except (RefusedError, JournalError) as error:
             self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return
         self._recording.follow(self._incarnation)
@@ -232,7 +247,15 @@ class HostedRobot:
         self._bus.losses = Losses()  # what the last run lost is not this one's
         self._clock.forget()
         self._clock_news.set()
-        log.info("robot %d is in lab %s", self._robot, known.lab)
+        log.info("robot %d is in lab %s%s", self._robot, known.lab, self._incarnation.resumption)
+        if configure:
+            log.info("robot %d waits for a program: rmr load PROG.rbc", self._robot)
+
+    def _fail(self, error: BaseException) -> None:
+        if isinstance(error, StateFullError):
+            self._ending.ask(str(error), ExitCode.FAILED)
+        else:
+            self._ending.break_down(error)
 
     # -- what comes in ------------------------------------------------------------------------------------------
 
@@ -263,6 +286,10 @@ class HostedRobot:
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Stop):
             self.leaving.ask(message.body.reason or "asked to stop")
+
+    def _on_load(self, _key: str, message: wire.Envelope) -> None:
+        if self._incarnation is not None:
+            self._incarnation.load(message.body)
 
     def _on_world(self, _key: str, alive: bool) -> None:
         if alive:
@@ -310,10 +337,12 @@ class HostedRobot:
         incarnation = self._incarnation
         if incarnation is None:
             return
+        incarnation.commit()
         now = incarnation.now()
         finished = incarnation.started and incarnation.node.finished()
         state = self._state(finished=finished, final=final)
-        news = (state, progress(incarnation.node, now) if incarnation.started else "", finished)
+        waits = "waits for a program" if incarnation.programs.waits else ""
+        news = (state, progress(incarnation.node, now) if incarnation.started else waits, finished)
         due = time.monotonic() - self._published_s >= STATUS_AT_LEAST_S
         self._log_trace(incarnation)
         self._recording.status(now)
@@ -327,7 +356,7 @@ class HostedRobot:
     def _report(self, incarnation: Incarnation) -> dict[str, Any]:
         losses = self._bus.losses
         bus = {"lost": losses.lost, "malformed": losses.malformed + incarnation.link.malformed}
-        host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {})
+        host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {}) | incarnation.resumed
         if not incarnation.started:
             return host
         return robot_report(incarnation.node, incarnation.link.station.counters.as_dict(), self._restarts) | host
@@ -349,23 +378,10 @@ class HostedRobot:
         self._recording.trace(incarnation.node.trace_log)
         for entry in incarnation.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
-            if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
-                self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
-            elif entry.get("what") == "undelivered":
-                what = f"{entry['predicate']} for robot {entry['destination']}"
-                self._say_failure(f"{what} was not delivered: {entry['why']}")
-            elif entry.get("what") == "bound_reached":
-                self._say_failure(f"more than {entry['bound']} {entry['kept']}: the rest is dropped")
-            elif entry.get("what") == "finished":
+            if entry.get("what") == "finished":
                 log.info("finished at %.1f s of lab time", entry["t"])
-            elif entry.get("what") == "deadline_missed":
-                self._say_failure(f"deadline missed: {entry['job']}")
-            elif entry.get("what") == "restless":
-                self._say_failure("the program does not become quiescent: some rule is always satisfied")
-            elif entry.get("what") == "repeats":
-                self._say_failure(f"a goal stays open: {entry['rule']} fires again and again for the same facts")
-            elif entry.get("what") == "other_program":
-                self._say_failure(f"robot {entry['source']} runs another program: neither understands the other")
+            elif (failure := failure_words(entry)) is not None:
+                self._say_failure(failure)
         incarnation.node.trace_log.clear()
 
     def _say_failure(self, message: str) -> None:

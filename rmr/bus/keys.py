@@ -7,9 +7,11 @@
     rmr/{lab}/clock               world: answers requests for lab time; publishes its start, stop and jumps
     rmr/{lab}/map                 world: answers a new robot with the map and admits it
     rmr/{lab}/disturbances        world: publishes changed disturbances of the radio; takes operators' requests
+    rmr/{lab}/silence             request to the world: a robot hears no beacon for a while
     rmr/{lab}/truth               world: ground truth of all poses, for operators
     rmr/{lab}/ops/{who}/status    status of a robot or the world
     rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
+    rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments; ``operator``: the answers
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
 
 `who` is a robot's id or ``world``.
@@ -22,6 +24,9 @@ from rmr.base.values import ROBOT_ID_MAX
 
 WORLD = "world"
 """The name of the world, in place of a robot's id."""
+
+OPERATOR = "operator"
+"""The name of whoever steers the lab, in place of a robot's id."""
 
 ROBOT_ROLE = "robot"
 WORLD_ROLE = "world"
@@ -84,6 +89,11 @@ class Keys:
         return f"rmr/{self.lab}/disturbances"
 
     @property
+    def silence(self) -> str:
+        """Key of requests for an outage of the localisation service."""
+        return f"rmr/{self.lab}/silence"
+
+    @property
     def truth(self) -> str:
         """Key of the ground truth."""
         return f"rmr/{self.lab}/truth"
@@ -100,6 +110,10 @@ class Keys:
     def stop(self, who: int | str) -> str:
         """Return the key of requests to a robot or the world to stop."""
         return f"rmr/{self.lab}/ops/{who}/stop"
+
+    def load(self, who: int | str) -> str:
+        """Return the key of what a robot, or the ``operator``, is told about new programs."""
+        return f"rmr/{self.lab}/load/{who}"
 
     def alive(self, role: str, ident: int | str) -> str:
         """Return the key of a liveliness token; ``*`` for any."""

@@ -58,8 +58,7 @@ OPERATOR_ID: Final = -2
 """A person's command as a sender (``rmr up``, ``rmr ps``)."""
 
 MESSAGE_OCTETS_MAX: Final = 1 << 20
-"""The largest message that travels as one; a map with thousands of obstacles stays well below. What is larger is sent
-in parts (`rmr.bus.message_parts`)."""
+"""The largest message that travels as one, far beyond usual maps; larger ones: `rmr.bus.message_parts`."""
 
 PART_OCTETS_MAX: Final = 3 << 14
 """The most of a larger message that one `Part` carries: 48 KiB, which the middleware sends as one batch."""
@@ -240,6 +239,38 @@ class Part(NamedTuple):
     octets: bytes
 
 
+class Load(NamedTuple):
+    """A message about a new program (`rmr.load.load_messages`), between an operator and a robot."""
+
+    payload: bytes
+
+
+class LoadOrder(NamedTuple):
+    """Please distribute a program over the radio."""
+
+    program: bytes
+    robots: tuple[int, ...]
+    """Who gets it."""
+    named: bool
+    """Whether these robots alone are meant, and not all of the lab."""
+    dry: bool
+    """Whether they only say what a switch would keep."""
+
+
+class LoadOutcome(NamedTuple):
+    """What became of such an order: the result as JSON, or why there is none."""
+
+    result: bytes
+    refused: str
+
+
+class Silence(NamedTuple):
+    """Please let a robot hear no beacon before the lab time `until`."""
+
+    robot: int
+    until: Instant
+
+
 # --- the table ------------------------------------------------------------------------------------------
 
 
@@ -279,6 +310,10 @@ Message = (
     | AskDisturbances
     | Disturbances
     | Part
+    | Load
+    | LoadOrder
+    | LoadOutcome
+    | Silence
 )
 
 
@@ -341,6 +376,10 @@ TABLE: Final = (
     Row(12, Disturbances, (lab_name, instant, _HELD, count, people), _pack_disturbances),
     Row(13, Handshake, (announcement,)),
     Row(14, Part, (count, count, count, octets(PART_OCTETS_MAX))),
+    Row(15, Load, (octets(PART_OCTETS_MAX),)),
+    Row(16, LoadOrder, (octets(PART_OCTETS_MAX), each(robot, ROBOTS_MAX), flag, flag)),
+    Row(17, LoadOutcome, (octets(MESSAGE_OCTETS_MAX), people)),
+    Row(18, Silence, (robot, instant)),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

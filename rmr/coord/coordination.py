@@ -6,7 +6,7 @@ frames all the same and keep its newest schedule and beacons, so that they know 
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from random import Random
 from typing import Final
 
@@ -32,16 +32,26 @@ class Coordination:
     """The coordination core of one robot."""
 
     def __init__(
-        self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", timing: Timing | None = None
+        self,
+        robot: int,
+        rng: Random,
+        known_peers: "Callable[[], int] | int",
+        timing: Timing | None = None,
+        stands_inside: Callable[[bytes, int], bool] = lambda _group_id, _robot: False,
     ) -> None:
         """`known_peers`: number of other robots, as far as known. A robot that has heard questions of so many concludes
-        that none of them leads. It also determines waiting times."""
+        that none of them leads. It also determines waiting times.
+
+        `stands_inside` says of a group and a robot whether that robot stands inside as far as the host knows. Its
+        silence then ends nothing that it has announced.
+        """
         self.robot = robot
         self.malformed = 0
         """Frames that were no frames of coordination or from a broken clock."""
         self._rng = rng
         self._peers: Callable[[], int] = known_peers if callable(known_peers) else lambda: known_peers
         self._timing = Timing() if timing is None else timing
+        self._stands_inside = stands_inside
         self._outbox = Outbox()
         self._groups: dict[bytes, Group] = {}
         self.next_wake: Instant = NEVER
@@ -172,6 +182,7 @@ class Coordination:
             if len(self._groups) >= GROUPS_MAX:
                 self._forget()
             context = Context(group_id, self.robot, self._rng, self._peers, self._timing, self._outbox)
+            context.fence.stands_inside = partial(self._stands_inside, group_id)
             group = self._groups[group_id] = Group(context)
         return group
 

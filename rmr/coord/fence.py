@@ -7,12 +7,14 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and h
 
 * A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
   stalled just after entering). In the same direction its headway must have passed; in the opposite one it must have
-  said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution.
+  said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution. Silence ends
+  nothing while the robot stands inside as far as the host knows: then nobody follows it in, either.
 * Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until it has
   heard that.
 * A witness repeats the last beacon of a robot inside that a claimant may not have heard.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
@@ -50,12 +52,19 @@ class Record:
         """Not a beacon but the list of a former leader says that the robot started."""
 
 
+def _unknown(_robot: int) -> bool:
+    """Return that nothing is known of where a robot stands: silence ends what it has announced."""
+    return False
+
+
 class Fence:
     """All records of one event."""
 
     def __init__(self, robot: int, timing: Timing) -> None:
         self._robot = robot
         self._timing = timing
+        self.stands_inside: Callable[[int], bool] = _unknown
+        """Whether a robot stands inside as far as the host knows: its silence then ends nothing."""
         self.records: dict[int, Record] = {}
         self.finished: dict[int, Instant] = {}
         """Greatest finished trigger per robot."""
@@ -111,7 +120,7 @@ class Fence:
 
     def is_inside(self, beacon: Beacon, now: Instant) -> bool:
         """Return whether the sender of its last beacon `beacon` is to be taken for inside."""
-        if now >= self.believed(beacon):
+        if self.ended(beacon, now):
             return False
         if beacon.phase is Phase.IN:
             return True
@@ -120,6 +129,10 @@ class Fence:
     def believed(self, beacon: Beacon) -> Instant:
         """Return until when silence does not end what `beacon` announces: T_GONE, and at least the announced end."""
         return max(beacon.time + self._timing.liveness.gone, beacon.end)
+
+    def ended(self, beacon: Beacon, now: Instant) -> bool:
+        """Return whether silence has ended what `beacon` announces: not while its robot is known to stand inside."""
+        return now >= self.believed(beacon) and not self.stands_inside(beacon.who)
 
     def judge(self, now: Instant, claim: Claim) -> Verdict:
         """Return whether `claim` may be entered upon now, as far as the records go."""
@@ -132,8 +145,8 @@ class Fence:
                 continue
             if beacon.phase is Phase.IN or now > beacon.start + timing.schedule.window:
                 if same_direction(beacon.direction, claim.direction):
-                    is_open = is_open and now >= beacon.start + claim.headway
-                elif now < self.believed(beacon):
+                    is_open = is_open and now >= beacon.start + claim.headway and not self._bars(beacon, now)
+                elif not self.ended(beacon, now):
                     is_open = False
                 else:
                     cautious = cautious or now < self.believed(beacon) + 2 * timing.liveness.gone
@@ -142,6 +155,11 @@ class Fence:
                     return Verdict(False, True, False)
                 is_open = False  # silence may be a link that fails one way: only its YIELD ends a claim
         return Verdict(is_open, False, cautious)
+
+    def _bars(self, beacon: Beacon, now: Instant) -> bool:
+        """Return whether nobody follows the sender of `beacon` in: it has been silent for a while where it passes."""
+        silent = now >= beacon.time + self._timing.liveness.follow
+        return silent and beacon.phase is Phase.IN and self.stands_inside(beacon.who)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
         if same_direction(claim.direction, other.direction):

@@ -194,6 +194,8 @@ class LivenessTiming:
     """Additional delay of each further member of the list, so that one of them takes over."""
     gone: Duration = 10_000 * MS
     """A robot inside that is silent for this long is presumed gone (T_GONE): longer than any stall."""
+    follow: Duration = 2000 * MS
+    """A robot inside that is silent for this long, and was there when it was heard last, is not followed in."""
     keep: Duration = 2000 * MS
     """Interval at which a member repeats its job to the leader, less a spread: one schedule sets all their clocks."""
     drop: Duration = 5000 * MS

@@ -43,6 +43,8 @@ DRIVE: Final = "drive"
 HALT: Final = "halt"
 INSERT: Final = "insert"
 """Predicate, arguments."""
+WITHDRAW: Final = "withdraw"
+"""Predicate, arguments."""
 TRACE: Final = "trace"
 """Word, names and values of its fields."""
 STEP: Final = "step"
@@ -53,7 +55,7 @@ THROW: Final = "throw"
 """Number of the step into which an exception is raised."""
 STOP: Final = "stop"
 """Number of the step that is broken off."""
-DONE: Final = (DRIVE, HALT, INSERT, TRACE, STEP, NEXT, THROW, STOP)
+DONE: Final = (DRIVE, HALT, INSERT, WITHDRAW, TRACE, STEP, NEXT, THROW, STOP)
 """What a handler may do to its robot."""
 
 _EXACT: Final = (bool, int, float, str, Symbol, Robot)

@@ -7,9 +7,10 @@ A batch has a head, for the first batch of an incarnation its header (`mind_head
     body     operations; the first is a call
     crc32    of all that precedes it
 
-A *call* is what the host calls the node with: start, tick, overhear, insert. All operations up to the next call
-belong to it: inputs that the node fetched from its ports in this call, and outputs. A batch contains whole calls. The
-instant of a call is stored as the distance from the previous call, in the first call of a batch from the base.
+A *call* is what the host calls the node with: start, tick, overhear, insert, change of program. All operations up to
+the next call belong to it: inputs that the node fetched from its ports in this call, and outputs. A batch contains
+whole calls. The instant of a call is stored as the distance from the previous call, in the first call of a batch from
+the base.
 
 All numbers are little endian. Instants are nanoseconds of lab time, in 8 octets.
 """
@@ -31,7 +32,9 @@ START: Final = 1
 TICK: Final = 2
 OVERHEAR: Final = 3
 INSERT: Final = 4
-CALLS: Final = (START, TICK, OVERHEAR, INSERT)
+CHANGE: Final = 5
+"""The node goes on with another program."""
+CALLS: Final = (START, TICK, OVERHEAR, INSERT, CHANGE)
 
 # Inputs within a call.
 OFFERED: Final = 8
@@ -53,6 +56,9 @@ ACTED: Final = 15
 NESTED: Final = 16
 """Length and msgpack of [number of an event, predicate, [arguments]]: a fact that the witness inserted when it was told
 of this event of the call, counted from 1."""
+
+PROGRAM: Final = 17
+"""Length and msgpack of [digest, byte-code] of the new program, of a `change`."""
 
 # Outputs.
 TRANSMIT: Final = 20

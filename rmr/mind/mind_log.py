@@ -1,10 +1,14 @@
 """Writes the log of one mind (`mind_format`), operation by operation, in batches of a second of lab time.
 
+An operation is kept as the values that it consists of, which never change, and all operations of a batch are encoded
+together. Encoding each at once costs a robot process several times as much: its calls are milliseconds apart, and by
+the next one other code has displaced the encoder from the caches of the processor.
+
 This module is compiled where a build is, as each frame and each sample passes it.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, cast
 from zlib import crc32
 
 from rmr.base.geometry import Twist
@@ -12,6 +16,7 @@ from rmr.base.time import NS_PER_S, Instant
 from rmr.mind.mind_format import (
     ACT,
     ACTED,
+    CALLS,
     CONFIRMED,
     CRC,
     DIGEST,
@@ -26,6 +31,7 @@ from rmr.mind.mind_format import (
     NOTE,
     OFFERED,
     OVERRUN,
+    PROGRAM,
     RAISED,
     RECEIVED,
     SENSED,
@@ -55,6 +61,8 @@ MindSink = Callable[[Instant, int, int, bytes], None]
 
 _OFFERED: Final = bytes([OFFERED])
 _TAKEN: Final = bytes([TAKEN])
+_OUTPUT: Final = 0
+"""Before the octets of an output that is encoded already; no operation has this number."""
 _STATUS: Final = {status: number for number, status in enumerate(STATUSES)}
 
 
@@ -67,15 +75,18 @@ class MindLog:
         self._epoch = epoch
         self._header = header
         self._sink = sink
-        self._parts: list[bytes] = []
+        self._operations: list[object] = []
+        """Operations that are not encoded yet: the number of each, then its values; or its octets."""
+        self._packed_base: Instant = 0
+        """The instant of the call before the first operation that is not encoded yet."""
         self._number = 0
         self.base: Instant = 0
         """The instant of the previous call, or the base of the batch."""
         self._batch_base: Instant = 0
         self._crc = 0
-        """Of the outputs since the last digest."""
+        """Of the outputs since the last digest that are encoded."""
         self._crc_all = 0
-        """Of all operations since the last digest, as far as they are no more here."""
+        """Of all operations since the last digest that are encoded."""
         self.asks = 0
         """Questions after the time of the frame, within this call."""
         self.refused: Received | None = None
@@ -86,35 +97,38 @@ class MindLog:
 
     def begin(self, now: Instant) -> None:
         """Let the log begin at `now`."""
-        self.base = now
+        self.rebase(now)
         self._batch_base = now
+
+    def rebase(self, base: Instant) -> None:
+        """Let `base` be the instant of the previous call."""
+        self.base = base
+        self._packed_base = base
 
     # -- calls --------------------------------------------------------------------------------------------------
 
     def call(self, operation: int, now: Instant) -> None:
         """Begin a call."""
         self.asks = 0
-        self._parts.append(pack_call(operation, now - self.base))
+        self._operations.append(operation)
+        self._operations.append(now)
         self.base = now
 
     def overheard(self, frame: Received) -> None:
         """Log the frame of a call that has just begun."""
-        self._parts.append(_OFFERED)
-        self._frame(frame)
+        self._operations.append(OFFERED)
+        self._operations.append(frame)
 
     def inserted(self, fact: bytes) -> None:
         """Log the fact of a call that has just begun."""
         self._blob(FACT, fact)
 
-    def _frame(self, frame: Received) -> None:
-        payload = frame.payload
-        head = pack_frame(frame.source, frame.rssi_dbm, frame.lqi, frame.unicast, frame.stamp - self.base, len(payload))
-        self._parts.append(head)
-        self._parts.append(payload)
+    def program(self, program: bytes) -> None:
+        """Log the new program of a call that has just begun."""
+        self._blob(PROGRAM, program)
 
     def _blob(self, operation: int, data: bytes) -> None:
-        self._parts.append(pack_blob(operation, len(data)))
-        self._parts.append(data)
+        self._operations.append(pack_blob(operation, len(data)) + data)
 
     # -- inputs -------------------------------------------------------------------------------------------------
 
@@ -122,44 +136,24 @@ class MindLog:
         """Log what the link has delivered; the first frame may be the one that was refused before."""
         again = frames[0] is self.refused
         self.refused = None
-        self._parts.append(pack_received(RECEIVED, len(frames), again))
-        for frame in frames[1:] if again else frames:
-            self._frame(frame)
+        operations = self._operations
+        operations.append(RECEIVED)
+        operations.append(frames)
+        operations.append(again)
 
     def confirmed(self, outcomes: list[Confirmed]) -> None:
         """Log outcomes of requests."""
-        self._parts.append(pack_counted(CONFIRMED, len(outcomes)))
-        for outcome in outcomes:
-            self._parts.append(pack_outcome(outcome.handle, _STATUS[outcome.status]))
+        self._operations.append(CONFIRMED)
+        self._operations.append(outcomes)
 
     def sensed(self, samples: list[Sensed]) -> None:
         """Log samples of the body, without the truth, which is not for the mind."""
-        parts = self._parts
-        base = self.base
-        parts.append(pack_counted(SENSED, len(samples)))
-        for sample in samples:
-            ranges = sample.ranges
-            bodies = sample.bodies
-            parts.append(
-                pack_sample(
-                    sample.stamp - base,
-                    sample.left_m,
-                    sample.right_m,
-                    sample.gyro,
-                    sample.compass,
-                    sample.bumped,
-                    len(ranges),
-                    len(bodies),
-                )
-            )
-            for beacon, metres in ranges:
-                parts.append(pack_range(beacon, metres))
-            for body in bodies:
-                parts.append(pack_body(body.x, body.y, body.vx, body.vy))
+        self._operations.append(SENSED)
+        self._operations.append(samples)
 
     def overrun(self) -> None:
         """Log that the time of the frame is used up at the present question."""
-        self._parts.append(pack_counted(OVERRUN, self.asks))
+        self._operations.append(pack_counted(OVERRUN, self.asks))
 
     def neighbors(self, offered: bytes) -> None:
         """Log who is in range, as the host has it."""
@@ -175,23 +169,25 @@ class MindLog:
 
     def again(self, operation: bytes) -> None:
         """Log an operation as it stands in another log."""
-        self._parts.append(operation)
+        self._operations.append(operation)
 
     # -- outputs ------------------------------------------------------------------------------------------------
 
-    def _output(self, part: bytes) -> None:
-        self._parts.append(part)
-        self._crc = crc32(part, self._crc)
+    def _output(self, octets: bytes) -> None:
+        self._operations.append(_OUTPUT)
+        self._operations.append(octets)
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Log a frame that the node hands to its radio."""
         to = -1 if destination is None else destination
-        self._output(pack_transmit(TRANSMIT, to, handle, len(payload)))
-        self._output(payload)
+        self._output(pack_transmit(TRANSMIT, to, handle, len(payload)) + payload)
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Log a wheel command."""
-        self._output(pack_act(ACT, twist.v, twist.w, stamp - self.base))
+        operations = self._operations
+        operations.append(ACT)
+        operations.append(twist)
+        operations.append(stamp)
 
     def note(self, word: int, fields: bytes) -> None:
         """Log an entry of the trace."""
@@ -204,12 +200,11 @@ class MindLog:
     def raised(self, text: str) -> None:
         """Log the exception that ended the call."""
         data = text.encode("utf-8", "backslashreplace")
-        self._output(pack_blob(RAISED, len(data)))
-        self._output(data)
+        self._output(pack_blob(RAISED, len(data)) + data)
 
     def digest(self, state: bytes) -> None:
         """Log the digests of all that was logged up to the last `flush` or `take`, and of the node's `state`."""
-        self._parts.append(pack_digest(DIGEST, *self.digests(state)))
+        self._operations.append(pack_digest(DIGEST, *self.digests(state)))
         self._crc = 0
         self._crc_all = 0
 
@@ -238,33 +233,113 @@ class MindLog:
         sink = self._sink
         if sink is None:
             return
-        body = b"".join(self._parts)
-        self._crc_all = crc32(body, self._crc_all)
-        self._parts.clear()
-        if body:
-            self._parts.append(body)
+        body = self.take()
+        ends: list[bytes] = []
         if self._lost != self._lost_logged:
             self._lost_logged = self._lost
             samples, frames, refused = self._lost
-            self._parts.append(pack_not_delivered(NOT_DELIVERED, samples, frames, refused))
+            ends.append(pack_not_delivered(NOT_DELIVERED, samples, frames, refused))
         if state is not None:
-            self._parts.append(pack_digest(END, *self.digests(state)))
-        if not self.closed and (self._parts or self._header):
+            ends.append(pack_digest(END, *self.digests(state)))
+        if not self.closed and (body or ends or self._header):
             flags = HAS_HEADER if self._header else 0
             head = HEAD.pack(MAGIC, VERSION, flags, self._number, self._batch_base, len(self._header))
-            data = b"".join([head, self._header, *self._parts])
+            data = b"".join([head, self._header, body, *ends])
             sink(self.base, self._robot, self._epoch, data + CRC.pack(crc32(data)))
             self._number += 1
             self._header = b""
-        self._parts.clear()
         self._batch_base = self.base
 
     def take(self) -> bytes:
         """Return and forget what has been logged since the last call; for a log without a sink."""
-        taken = b"".join(self._parts)
+        operations = self._operations
+        self._operations = []
+        taken = self._encoded(operations)
         self._crc_all = crc32(taken, self._crc_all)
-        self._parts.clear()
         return taken
+
+    def _encoded(self, operations: list[object]) -> bytes:
+        """Return the octets of `operations`, and add the outputs among them to their check sum."""
+        parts: list[bytes] = []
+        outputs: list[bytes] = []
+        base = self._packed_base
+        count = len(operations)
+        place = 0
+        while place < count:
+            first = operations[place]
+            if isinstance(first, bytes):
+                parts.append(first)
+                place += 1
+                continue
+            operation = cast(int, first)
+            value = operations[place + 1]
+            place += 2
+            if operation in CALLS:
+                now = cast(int, value)
+                parts.append(pack_call(operation, now - base))
+                base = now
+            elif operation == OFFERED:
+                parts.append(_OFFERED)
+                _encode_frame(parts, cast(Received, value), base)
+            elif operation == RECEIVED:
+                _encode_frames(parts, cast(list[Received], value), cast(bool, operations[place]), base)
+                place += 1
+            elif operation == CONFIRMED:
+                _encode_outcomes(parts, cast(list[Confirmed], value))
+            elif operation == SENSED:
+                _encode_samples(parts, cast(list[Sensed], value), base)
+            else:
+                if operation == ACT:
+                    twist = cast(Twist, value)
+                    output = pack_act(ACT, twist.v, twist.w, cast(int, operations[place]) - base)
+                    place += 1
+                else:
+                    output = cast(bytes, value)
+                parts.append(output)
+                outputs.append(output)
+        self._packed_base = base
+        self._crc = crc32(b"".join(outputs), self._crc)
+        return b"".join(parts)
+
+
+def _encode_frame(parts: list[bytes], frame: Received, base: Instant) -> None:
+    payload = frame.payload
+    head = pack_frame(frame.source, frame.rssi_dbm, frame.lqi, frame.unicast, frame.stamp - base, len(payload))
+    parts.append(head)
+    parts.append(payload)
+
+
+def _encode_frames(parts: list[bytes], frames: list[Received], again: bool, base: Instant) -> None:
+    parts.append(pack_received(RECEIVED, len(frames), again))
+    for frame in frames[1:] if again else frames:
+        _encode_frame(parts, frame, base)
+
+
+def _encode_outcomes(parts: list[bytes], outcomes: list[Confirmed]) -> None:
+    parts.append(pack_counted(CONFIRMED, len(outcomes)))
+    parts.extend([pack_outcome(outcome.handle, _STATUS[outcome.status]) for outcome in outcomes])
+
+
+def _encode_samples(parts: list[bytes], samples: list[Sensed], base: Instant) -> None:
+    parts.append(pack_counted(SENSED, len(samples)))
+    for sample in samples:
+        ranges = sample.ranges
+        bodies = sample.bodies
+        parts.append(
+            pack_sample(
+                sample.stamp - base,
+                sample.left_m,
+                sample.right_m,
+                sample.gyro,
+                sample.compass,
+                sample.bumped,
+                len(ranges),
+                len(bodies),
+            )
+        )
+        for beacon, metres in ranges:
+            parts.append(pack_range(beacon, metres))
+        parts.extend([pack_body(body.x, body.y, body.vx, body.vy) for body in bodies])
 
 
 def next_second(now: Instant) -> Instant:

@@ -85,6 +85,15 @@ def operations_of(octets: bytes, base: Instant) -> MindCall:
     return call
 
 
+def calls_of(octets: bytes, base: Instant) -> list[MindCall]:
+    """Return the calls in `octets`; `base` is the instant of the call before. Raises MindLogError."""
+    try:
+        calls, _, _ = _Cursor(octets, 0, len(octets)).calls(base)
+    except (ValueError, IndexError) as error:
+        raise MindLogError(f"a call of the log is malformed: {error}") from None
+    return calls
+
+
 class _Cursor:
     """A place in the octets of a batch."""
 
@@ -154,7 +163,7 @@ class _Cursor:
                 return [self._sample() for _ in range(count)]
             case form.OVERRUN:
                 return self._unpack(form.COUNTED)[1]
-            case form.FACT | form.NEIGHBORS | form.ACTED | form.NESTED:
+            case form.FACT | form.NEIGHBORS | form.ACTED | form.NESTED | form.PROGRAM:
                 return unpack(self._blob())
             case _:
                 return self._output(kind)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from rmr.base.time import NEVER, Instant
+from rmr.bytecode import codec
 from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.mind_header import MindHeader, decode_header
@@ -63,6 +64,10 @@ class MindReplay:
         compared nor counted. Raises MindLogError if the log has no beginning.
         """
         self._since = since
+        self._one_program = provenance is not None
+        """Whether the replay ends at a change of the program: a log of provenance has the numbers of one."""
+        self.changed_at: Instant | None = None
+        """The change of the program before which the replay has ended."""
         self._log = iter(log)
         self._fed: deque[bytes] = deque()
         self._number = 0
@@ -156,7 +161,7 @@ class MindReplay:
     def _open(self, batch: Batch) -> None:
         self._calls = batch.calls
         self._place = 0
-        self._own_log.base = batch.base
+        self._own_log.rebase(batch.base)
         self._end = batch.end
         if batch.not_delivered is not None:
             self.not_delivered = batch.not_delivered
@@ -170,7 +175,11 @@ class MindReplay:
             if batch is None:
                 return None
             self._open(batch)
-        return self._calls[self._place].at
+        call = self._calls[self._place]
+        if call.kind == form.CHANGE and self._one_program:
+            self.changed_at = call.at
+            return None
+        return call.at
 
     def _check_end(self) -> None:
         """Compare the last digest, once all calls before it are carried out."""
@@ -220,6 +229,9 @@ class MindReplay:
                 node.overhear(call.at, feed.offer())
             elif call.kind == form.START:
                 node.start(call.at)
+            elif call.kind == form.CHANGE:
+                digest, octets = feed.take(form.PROGRAM)
+                node.change_program(call.at, codec.decode(octets), digest)
             else:
                 name, args = feed.take(form.FACT)
                 node.insert(call.at, name, args)
@@ -254,8 +266,10 @@ NAMES: Final = {
     form.TICK: "tick",
     form.OVERHEAR: "overhear",
     form.INSERT: "insert",
+    form.CHANGE: "change of program",
     form.OFFERED: "frame overheard",
     form.FACT: "fact inserted",
+    form.PROGRAM: "program",
     form.RECEIVED: "frames received",
     form.CONFIRMED: "outcomes",
     form.SENSED: "samples",

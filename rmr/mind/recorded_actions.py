@@ -196,6 +196,11 @@ class RecordedServices:
         self._log.add(steps.INSERT, steps.as_value(name), [steps.as_value(arg) for arg in args])
         self._robot._node.insert(now, name, args, by)
 
+    def withdraw(self, now: Instant, name: str, args: Sequence[Value], by: object = None) -> None:
+        """Withdraw a sensed fact."""
+        self._log.add(steps.WITHDRAW, steps.as_value(name), [steps.as_value(arg) for arg in args])
+        self._robot._node.withdraw(now, name, args, by)
+
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something in the trace."""
         self._log.add(steps.TRACE, what, list(fields), [steps.as_value(value) for value in fields.values()])

@@ -13,19 +13,22 @@ from struct import Struct
 from typing import Any, Final
 
 from rmr.base.geometry import Twist
-from rmr.base.time import Duration, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
+from rmr.bytecode import codec
 from rmr.bytecode.program import Program
 from rmr.mind.fact_values import pack
-from rmr.mind.mind_format import INSERT, OVERHEAR, START, TICK
+from rmr.mind.mind_format import CHANGE, INSERT, OVERHEAR, START, TICK
 from rmr.mind.mind_header import encode_header
 from rmr.mind.mind_log import MindLog, MindSink, next_second
 from rmr.mind.recorded_actions import recorded_handlers
-from rmr.node.actions.dispatcher import Handler
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import Handler, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.executive import FRAME_BUDGET
 from rmr.node.node import Node
 from rmr.node.ports import BodyPort, Confirmed, Ports, RadioPort, Received, Sensed
+from rmr.node.program_change import ProgramChanged
 from rmr.node.trace import EVENTS, Trace, TraceLevel
 
 _WORDS: Final = {word: number for number, word in enumerate(EVENTS)}
@@ -47,10 +50,10 @@ class RecordedLink:
         """Octets of payload that a frame holds."""
         return self._link.payload_max
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Queue a frame."""
         self._log.transmit(payload, destination, handle)
-        self._link.transmit(payload, destination, handle)
+        self._link.transmit(payload, destination, handle, due)
 
     def receive(self) -> list[Received]:
         """Return what has arrived."""
@@ -170,6 +173,7 @@ class RecordedNode(Node):
         )
         own = handlers if sink is None else recorded_handlers(handlers, log)
         self._inside = False
+        self._log_begun = False
         self._witness = config.witness
         self._witnessing = False
         self.events = 0
@@ -187,7 +191,7 @@ class RecordedNode(Node):
 
     def start(self, now: Instant) -> None:
         """Insert the initial facts and begin."""
-        self.log.begin(now)
+        self._begin_log(now)
         self._begin(START, now)
         try:
             super().start(now)
@@ -238,6 +242,25 @@ class RecordedNode(Node):
             self._raised(error)
             raise
         self._inside = False
+
+    def change_program(self, now: Instant, program: Program, digest: int) -> ProgramChanged:
+        """Go on with another program; the log holds it."""
+        check_handlers(program, {**PROVIDED, **self._handlers})
+        self._begin_log(now)
+        self._begin(CHANGE, now)
+        self.log.program(pack([digest, codec.encode(program, debug=program.debug is not None)]))
+        try:
+            changed = super().change_program(now, program, digest)
+        except BaseException as error:
+            self._raised(error)
+            raise
+        self._inside = False
+        return changed
+
+    def _begin_log(self, now: Instant) -> None:
+        if not self._log_begun:
+            self._log_begun = True
+            self.log.begin(now)
 
     def _told(self, robot: int, now: Instant, event: object) -> None:
         """Pass an event on to the witness, which may insert facts."""

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from rmr.base.geometry import Twist
-from rmr.base.time import Duration, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.mind import mind_format as form
 from rmr.mind.mind_log import MindLog
 from rmr.mind.mind_reader import LoggedOperation
@@ -74,7 +74,7 @@ class ReplayFeed:
 
     # -- ports --------------------------------------------------------------------------------------------------
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Do nothing: the log of the replay has it."""
 
     def receive(self) -> list[Received]:

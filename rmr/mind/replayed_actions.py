@@ -60,6 +60,12 @@ class ReplayedAction:
         until, conditioned = values
         return Pause(until, self._condition if conditioned else None)
 
+    def drop(self) -> None:
+        """Break off the provided actions that it awaits; the log has nothing more of it."""
+        for step in self._steps.values():
+            with suppress(Exception):
+                step.close()
+
     def close(self) -> None:
         """Break it off."""
         code, _, *values = self.activation(steps.CLOSE)
@@ -102,6 +108,7 @@ class ReplayedAction:
             steps.DRIVE: node.drive,
             steps.HALT: node.halt,
             steps.INSERT: lambda name, args: node.insert(node.now, name, args, self._robot._action),
+            steps.WITHDRAW: lambda name, args: node.withdraw(node.now, name, args, self._robot._action),
             steps.TRACE: lambda what, names, given: node.trace(node.now, what, **dict(zip(names, given, strict=True))),
             steps.STEP: self._begin_step,
             steps.NEXT: lambda step: self._go_on(step, next),

@@ -27,7 +27,7 @@ LISTEN: Final[Duration] = milliseconds(1200)
 """Time that a restarted robot listens before it drives: two hellos of each parked robot."""
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)
 """Longest time that a robot listens before it drives on a floor within radio range: until it knows where each of the
-others is. A robot that is silent for longer is taken for absent, and no radio outage is expected to last longer."""
+others is. A robot that is silent for longer is taken for absent, unless another robot hears it."""
 IN_RANGE_DB: Final = 6.0
 """Margin above the sensitivity at which reception is certain."""
 
@@ -80,7 +80,12 @@ class NodeConfig:
 
         On a floor wider than the radio's range the others are not all to be heard from, and most are far away.
         """
-        loss_db = path_loss_db(hypot(self.arena.width, self.arena.height), self.radio.exponent)
-        if self.radio.tx_power_dbm - loss_db >= self.radio.sensitivity_dbm + IN_RANGE_DB:
+        if self.reaches_all:
             return LISTEN_FOR_ALL
         return LISTEN if self.epoch else 0
+
+    @property
+    def reaches_all(self) -> bool:
+        """Whether the radio reaches over the whole floor."""
+        loss_db = path_loss_db(hypot(self.arena.width, self.arena.height), self.radio.exponent)
+        return self.radio.tx_power_dbm - loss_db >= self.radio.sensitivity_dbm + IN_RANGE_DB

@@ -20,9 +20,11 @@ from rmr.node.config import NodeConfig
 from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
+from rmr.node.motion.hearing import DEAD
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.payloads import Hello
+from rmr.node.peers.link_sensing import CUT_OFF_MAX
 from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
 from rmr.node.ports import BodyPort, SeenBody
 
@@ -85,6 +87,21 @@ class Driver:
         self._began: Instant | None = None
         self.held_by = ""
         """The rule of the stage WHEELS that holds the wheels, or slows them down, in this tick; empty: none does."""
+
+    def follow(self, other: "Driver") -> None:
+        """Go on from where `other` has brought the robot: its position, its place and its promise, but no drive."""
+        self.localiser = other.localiser
+        self.place = other.place
+        self._home = other._home
+        self._bodies = other._bodies
+        self._bumped = other._bumped
+        self._twist = other._twist
+        self._acted_at = other._acted_at
+        self._sensed_at = other._sensed_at
+        self._set_out_at = other._set_out_at
+        self.stays_until = other.stays_until
+        self._began = other._began
+        self.navigator.hearing.listens = other.navigator.hearing.listens
 
     @property
     def moving(self) -> bool:
@@ -158,13 +175,26 @@ class Driver:
             self._apply_hellos_at = now + APPLY_HELLOS_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape.radius))
+        if peers.links is not None:
+            hearing.cut_off = peers.links.cut_off(now)
+            hearing.by_sight = peers.hides(now, pose, navigator.arena.shape, self._roster, self._robot)
 
     def listens(self, now: Instant, peers: Peers) -> bool:
         """Return whether the robot stands until it has heard where all others are, or has had long enough to."""
         hearing = self.navigator.hearing
         if hearing.listens and self._began is not None:
-            hearing.listens = now - self._began < self._listens and not peers.placed(self._robot, self._roster)
+            hearing.listens = not peers.placed(self._robot, self._roster) and (
+                now - self._began < self._listens or self._awaits(now, peers, now - self._began)
+            )
         return hearing.listens
+
+    def _awaits(self, now: Instant, peers: Peers, listened: Duration) -> bool:
+        """Return whether another robot lists one that this robot has never heard: it lives, and may be anywhere."""
+        links = peers.links
+        if links is None or listened > CUT_OFF_MAX:
+            return False
+        unplaced = [one for one in self._roster if one != self._robot and not peers.is_placed(one)]
+        return any(now - links.listed(one) <= DEAD for one in unplaced)
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""
@@ -294,6 +324,7 @@ class Driver:
             goal,
             final_heading=heading,
             parked=peers.parked(now),
+            lost=peers.lost_places(now),
             shared=shared,
             through_gate=gated,
         )

@@ -8,9 +8,9 @@ once, without instants of a transmission.
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import Instant
 from rmr.coord.messages import FrameKind
 from rmr.node.payloads import PayloadKind
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed
@@ -21,9 +21,11 @@ KINDS: Final[dict[int, str]] = {int(kind): kind.name.lower() for kind in (*Frame
 OTHER: Final = "other"
 ACK: Final = "ack"
 """The kind of an acknowledgement of a frame."""
+NULL: Final = "null"
+_QUOTED: Final = '"%s"'
 
-Write = Callable[[Instant, Callable[[], dict[str, Any]]], None]
-"""Takes a transmission at its end, as a function that returns it as a dict."""
+Write = Callable[[Instant, Callable[[], bytes]], None]
+"""Takes a transmission at its end, as a function that returns it as JSON."""
 
 
 class FrameRequest:
@@ -88,7 +90,7 @@ class FrameLog:
             self._put(self._requests[0] if self._requests else None, announced, announced.end, outcome)
 
     def _put(self, request: FrameRequest | None, sent: Announcement | None, at: Instant, outcome: str | None) -> None:
-        self._write(at, LoggedFrame(self._robot, request, sent, outcome).entry)
+        self._write(at, LoggedFrame(self._robot, request, sent, outcome).to_json)
 
 
 class LoggedFrame:
@@ -104,8 +106,11 @@ class LoggedFrame:
         self._sent = sent
         self._outcome = outcome
 
-    def entry(self) -> dict[str, Any]:
-        """Return it as a message of the channel `/frames`."""
+    def to_json(self) -> bytes:
+        """Return it as a message of the channel `/frames`.
+
+        Written out, as a run has thousands: all texts in it are names without quotes.
+        """
         request = self._request
         sent = self._sent
         outcome = self._outcome
@@ -119,19 +124,23 @@ class LoggedFrame:
                 destination = None
                 outcome = "broadcast" if outcome == "ok" else outcome
         octets = 0 if request is None else request.octets
-        return {
-            "source": self._robot,
-            "destination": destination,
-            "kind": kind,
-            "octets": octets if sent is None else len(sent.psdu),
-            "handle": None if request is None else request.handle,
-            "asked_s": None if request is None else _s(request.asked),
-            "start_s": None if sent is None else _s(sent.start),
-            "end_s": None if sent is None else _s(sent.end),
-            "attempt": 0 if sent is None else sent.attempt & ~ACK_ATTEMPT,
-            "outcome": outcome,
-        }
+        handle = asked = start = end = NULL
+        attempt = 0
+        if request is not None:
+            handle = str(request.handle)
+            asked = _s(request.asked)
+        if sent is not None:
+            octets = len(sent.psdu)
+            start = _s(sent.start)
+            end = _s(sent.end)
+            attempt = sent.attempt & ~ACK_ATTEMPT
+        return (
+            f'{{"source":{self._robot},"destination":{NULL if destination is None else str(destination)},'
+            f'"kind":"{kind}","octets":{octets},"handle":{handle},"asked_s":{asked},"start_s":{start},"end_s":{end},'
+            f'"attempt":{attempt},"outcome":{NULL if outcome is None else _QUOTED % outcome}}}'
+        ).encode()
 
 
-def _s(instant: Instant) -> float:
-    return round(in_seconds(instant), 6)
+def _s(instant: Instant) -> str:
+    """Return an instant in seconds, as a whole number of microseconds with the exponent: quick to write."""
+    return f"{(instant + 500) // 1000}e-6"

@@ -9,7 +9,7 @@ counted, noted and dropped.
 
 from typing import Final
 
-from rmr.base.time import Instant
+from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol
 from rmr.node import payloads
 from rmr.node.crossing.coordination_link import CoordLink
@@ -32,12 +32,19 @@ class Transmitter:
         self._port = port
         self._sent = 0
 
-    def transmit(self, payload: bytes, destination: int | None) -> int:
-        """Hand a payload to the radio; return the handle by which it will tell the outcome."""
+    def follow(self, other: "Transmitter") -> None:
+        """Number payloads from the last one of `other` on: outcomes of its frames may still come."""
+        self._sent = other._sent
+
+    def transmit(self, payload: bytes, destination: int | None, due: Instant = NEVER) -> int:
+        """Hand a payload to the radio; return the handle by which it will tell the outcome.
+
+        `due` is the deadline of a delivery's frame, by which the radio orders those that wait; NEVER: another frame.
+        """
         self._sent += 1
         if self._state.config.witness is not None:
             self._state.tell(Spoken(payload, destination, self._sent))
-        self._port.transmit(payload, destination, self._sent)
+        self._port.transmit(payload, destination, self._sent, due)
         return self._sent
 
 
@@ -81,9 +88,11 @@ class Messenger:
     def flush(self, now: Instant) -> None:
         """Hand the radio what is to leave at once, and see to what became of what has left."""
         exchange = self.exchange
+        if exchange.arrivals:
+            self._take_up(now)
         if exchange.outbox:
-            for payload, destination in exchange.outbox:
-                self._radio.transmit(payload, destination)
+            for payload, destination, due in exchange.outbox:
+                self._radio.transmit(payload, destination, due)
             exchange.outbox.clear()
         if exchange.news:
             self.deliveries.collect(now)
@@ -109,8 +118,7 @@ class Messenger:
         try:
             self._dispatch(now, frame)
         except WireError as error:
-            self.malformed += 1
-            self._state.trace(now, "malformed", source=frame.source, why=str(error))
+            self._malformed(now, frame.source, error)
 
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call.
@@ -138,17 +146,38 @@ class Messenger:
             case PayloadKind.HELLO:
                 self._presence.met(now, frame, decode_hello_cached(payload))
             case PayloadKind.FACT | PayloadKind.FRAGMENT:
-                # The exchange acknowledges every copy and hands on the body once: with its first complete copy.
-                body = self.exchange.received(payload, frame.source)
-                if body is not None:
-                    self._state.mark_dirty()
-                    self.deliveries.arrived(now, body, frame.source)
+                # The exchange acknowledges every copy and hands on the body once, after those that were sent before it.
+                self.exchange.received(now, payload, frame.source)
+                self._take_up(now)
             case PayloadKind.FACT_ACK:
                 self.exchange.acknowledged(now, payload, frame.source)
+            case PayloadKind.FACT_BASE:
+                self.exchange.base_told(now, payload, frame.source)
+                self._take_up(now)
+            case PayloadKind.FACT_BASE_WANTED:
+                self.exchange.asked(payload, frame.source)
             case PayloadKind.FAILURE:
                 self._failure(now, frame)
             case kind:
                 raise WireError(f"a frame of the unknown kind {kind:#04x}")
+
+    def _take_up(self, now: Instant) -> None:
+        """Let the deliveries that have arrived take effect, in order."""
+        arrivals = self.exchange.arrivals
+        self.exchange.arrivals = []
+        for arrival in arrivals:
+            self._state.mark_dirty()
+            body = self.exchange.hand_on(arrival)
+            if not body:  # held back while the program changed, and the new one has no use for it
+                continue
+            try:
+                self.deliveries.arrived(now, body, arrival.source)
+            except WireError as error:
+                self._malformed(now, arrival.source, error)
+
+    def _malformed(self, now: Instant, source: int, error: WireError) -> None:
+        self.malformed += 1
+        self._state.trace(now, "malformed", source=source, why=str(error))
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = payloads.decode_failure(frame.payload)

@@ -9,6 +9,7 @@ Nothing but hosts imports this module: the parts see each other through `rmr.nod
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -31,27 +32,41 @@ from rmr.node.messenger import Messenger, Transmitter
 from rmr.node.peers.presence import Presence
 from rmr.node.peers.proximity import Proximity
 from rmr.node.ports import Confirmed, Ports, Received
+from rmr.node.program_change import NodeParts, ProgramChanged, take_over
 from rmr.node.robot_state import RobotState
 from rmr.node.runtime_system import RuntimeSystem
 from rmr.node.services import RobotServices
+from rmr.vm.carrying import Carried
 from rmr.vm.provenance import GivenCause
+from rmr.vm.shared import shared_of
 
 
 class Node:
     """One robot."""
 
     def __init__(
-        self, config: NodeConfig, program: Program, ports: Ports, handlers: Mapping[str, Handler], digest: int = 0
+        self,
+        config: NodeConfig,
+        program: Program,
+        ports: Ports,
+        handlers: Mapping[str, Handler],
+        digest: int = 0,
+        before: RobotState | None = None,
     ) -> None:
-        """Raise MissingHandlers when an action of `program` has no handler in `handlers` or among the provided."""
+        """Raise MissingHandlers when an action of `program` has no handler in `handlers` or among the provided.
+
+        `before` is the robot's state under another program (`change_program`).
+        """
         check_handlers(program, {**PROVIDED, **handlers})
+        self._ports = ports
+        self._handlers = handlers
         self.config = config
         self.robot = config.robot
         self.program = program
         self.next_wake: Instant = 0
         """When the host is to call `tick` at the latest."""
         self._started = False
-        self.state = state = RobotState(config, program, ports.body, digest)
+        self.state = state = RobotState(config, program, ports.body, digest, before)
         self.machine = state.machine
         self.driver = state.driver
         self.peers = state.peers
@@ -60,10 +75,12 @@ class Node:
 
         name = f"{config.seed}/robot{config.robot}"
         payload_max = ports.link.payload_max
-        radio = Transmitter(state, ports.link)
+        self.radio = radio = Transmitter(state, ports.link)
         self.services = services = RobotServices(state, radio, handlers)
         timing = replace(config.timing, payload_max=payload_max)
-        self.core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing)
+        self.core = Coordination(
+            config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing, self._stands_inside
+        )
         """The coordination core, for checkers of a run to look at."""
         self.crossings = Crossings(services, self.core, digest)
         self._coordination = CoordLink(self.core, radio.transmit, self._coordinated)
@@ -92,6 +109,21 @@ class Node:
         self.state.tell(event)
         self.crossings.handle(now, event)
 
+    def _stands_inside(self, group_id: bytes, robot: int) -> bool:
+        return self.crossings.stands_inside(group_id, robot)
+
+    def _parts(self) -> NodeParts:
+        return NodeParts(
+            self.state,
+            self.radio,
+            self.services,
+            self.crossings,
+            self.actions,
+            self.messenger,
+            self.runner,
+            self.executive,
+        )
+
     # -- start and tick ---------------------------------------------------------------------------------------
 
     def start(self, now: Instant) -> None:
@@ -99,21 +131,64 @@ class Node:
         self.state.now = now
         self._started = True
         self.machine.start(now)
-        if self.senses.used("peer"):
-            others = [other for other in self.config.roster if other != self.robot]
-            self.senses.replace(now, "peer", [(Robot(other),) for other in others])
+        life = shared_of(self.program).life
+        if life is not None:
+            if self.state.provenance is not None:
+                self.state.provenance.because(GivenCause("robot"))
+            self.machine.insert(now, life, (self.config.epoch,))
+            self._restarted(now)
+        self._state_roster(now)
         for name, owner, args in self.config.facts:
             if owner is None or owner == self.robot:
                 if self.state.provenance is not None:
                     self.state.provenance.because(GivenCause("lab"))
-                self.insert(now, name, args)
+                with suppress(ValueError) if self.state.changes else nullcontext():  # the lab's facts fit its program
+                    self.insert(now, name, args)
         self._presence.start(now)
         self.next_wake = now
+
+    def _state_roster(self, now: Instant) -> None:
+        if self.senses.used("peer"):
+            others = [other for other in self.config.roster if other != self.robot]
+            self.senses.replace(now, "peer", [(Robot(other),) for other in others])
+        if self.senses.used("robots"):
+            self.senses.replace(now, "robots", [(len({*self.config.roster, self.robot}),)])
+
+    def _restarted(self, now: Instant) -> None:
+        """After a restart tell the program of each other robot: what they asked of an earlier life is forgotten."""
+        predicate = shared_of(self.program).restarted
+        if predicate is None or not self.config.epoch:
+            return
+        for other in self.config.roster:
+            if other != self.robot:
+                if self.state.provenance is not None:
+                    self.state.provenance.because(GivenCause("robot"))
+                self.machine.insert(now, predicate, (Robot(other),))
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
         """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
         self.services.insert(now, name, args)
         self.next_wake = min(self.next_wake, now)
+
+    def change_program(self, now: Instant, program: Program, digest: int) -> ProgramChanged:
+        """Go on with another program, in the same life; tell what is kept and what ends (`program_change`).
+
+        Raises MissingHandlers as the constructor does; then the present program goes on.
+        """
+        check_handlers(program, {**PROVIDED, **self._handlers})
+        before = self._parts()
+        started = self._started
+        if started:
+            before.settle(now)
+        Node.__init__(self, self.config, program, self._ports, self._handlers, digest, before.state)
+        if not started:
+            return ProgramChanged(digest, Carried())
+        self._started = True
+        self.next_wake = now
+        changed = take_over(now, before, self._parts(), digest)
+        self._state_roster(now)
+        self._presence.start(now)
+        return changed
 
     def tick(self, now: Instant) -> None:
         """Run all that is due at `now`."""
@@ -177,6 +252,7 @@ class Node:
         machine = self.machine
         checks = (
             ("a satisfied rule", not machine.quiescent),
+            ("facts set aside", bool(machine.program.ensemble) and bool(machine.set_aside())),
             ("a fact under way", not self.messenger.exchange.idle),
             ("an action", not self.actions.idle),
             ("a deadline", machine.quiescent and machine.next_wake < NEVER),

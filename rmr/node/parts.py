@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import Instant
+from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.config import NodeConfig
@@ -22,8 +22,11 @@ from rmr.node.peers.perception import Peers
 class Radio(Protocol):
     """The way out to other robots."""
 
-    def transmit(self, payload: bytes, destination: int | None) -> int:
-        """Hand a payload to the radio (None: broadcast); return the handle by which its outcome is reported."""
+    def transmit(self, payload: bytes, destination: int | None, due: Instant = NEVER) -> int:
+        """Hand a payload to the radio (None: broadcast); return the handle by which its outcome is reported.
+
+        `due` is the deadline of a delivery's frame.
+        """
 
 
 class DrivingHost(Protocol):
@@ -60,6 +63,12 @@ class ActionHost(DrivingHost, Protocol):
     @property
     def motion(self) -> Navigator:
         """The navigator. Raises ActionFailed without a body."""
+
+    blocked: str
+    """Which dead robots bar the way of the drive under way, in words; empty if none do."""
+
+    def barred_by_lost(self, goal: Point) -> str:
+        """Return which dead robots bar every way to `goal`, in words; empty if none do."""
 
     def halt(self) -> None:
         """Stop the wheels."""

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+from rmr.base.time import NEVER, NS_PER_MS, Instant
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 
 PAYLOAD_OCTETS_MAX: Final = 116
 """127 octets of PSDU less 9 of header and 2 of FCS (IEEE 802.15.4-2006, 7.2). A secured radio leaves fewer."""
-
 LIST_DEPTH_MAX: Final = 8
 """Deeper lists are refused, so that a malformed frame cannot exhaust the stack."""
-
-
 LENGTH_MAX: Final = 0xFFFF
 """Octets of a text, items of a list: their number travels in two octets."""
 
@@ -33,19 +31,29 @@ class PayloadKind(IntEnum):
     """First octet of a payload."""
 
     FACT = 0x10
-    """digest 2, epoch 1, sequence 2, body."""
+    """digest 2, epoch 1, sequence 2 (bit 15: unordered; ordered and unordered are numbered apart), body."""
     FACT_ACK = 0x11
     """epoch 1, sequence 2."""
     FRAGMENT = 0x12
     """digest 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
+    FACT_BASE = 0x13
+    """digest 2, epoch 1, sequence 2: the first ordered delivery to the receiver that the sender is not done with."""
+    FACT_BASE_WANTED = 0x14
+    """epoch 1: a receiver that holds back deliveries of this life of the other robot asks for its `FACT_BASE`."""
     HELLO = 0x20
-    """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2."""
+    """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2,
+    up to 6 octets: whom the sender hears (`rmr.node.peers.link_sensing`)."""
+    LOAD = 0x22
+    """A message about a new program (`rmr.load`): the host's, never handed to the node."""
     FAILURE = 0x21
     """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E); 255: none in particular."""
 
 
 class DeliveryRole(IntEnum):
-    """What a delivery is: role 1 (upper half), index 2, arguments 1, of some roles a number 8, then the arguments."""
+    """What a delivery is: role 1 (upper half), index 2, arguments 1, of some roles a number 8, then the arguments.
+
+    Bit 0 of the role's octet: behind the number a deadline 4, milliseconds of lab time.
+    """
 
     FACT = 0
     GOAL = 1
@@ -61,15 +69,7 @@ class DeliveryRole(IntEnum):
     """Such a fact was inserted. Index: the assertion; arguments: F's. Number: when."""
 
 
-NUMBERED: Final = frozenset(
-    {
-        DeliveryRole.ACTION,
-        DeliveryRole.COMPLETED,
-        DeliveryRole.FAILED,
-        DeliveryRole.FINISH_AWAITED,
-        DeliveryRole.FINISH_SEEN,
-    }
-)
+NUMBERED: Final = frozenset(DeliveryRole) - {DeliveryRole.FACT, DeliveryRole.GOAL}
 """Roles that carry a number."""
 
 
@@ -84,6 +84,8 @@ class Delivery:
     """Without the owner."""
     number: int = 0
     """An instant, or what names an action; 64 bits unsigned, 0 where the role has none."""
+    due: Instant = NEVER
+    """Deadline of the job that it serves, up to a millisecond later; NEVER: none."""
 
 
 class Hello(NamedTuple):
@@ -106,8 +108,11 @@ class Hello(NamedTuple):
     """Identity of its program, 16 bits."""
     stays: bool = False
     """It will stand for `rmr.node.peers.hello.STAYS` from now on, whatever happens."""
+    listed: bytes = b""
+    """Which robots it hears (`rmr.node.peers.link_sensing`), up to HELLO_LIST_OCTETS_MAX octets."""
 
 
+HELLO_LIST_OCTETS_MAX: Final = 6  # 19 % of the airtime without a list: 15 octets, and 17 of preamble, header and FCS
 _HELLO: Final = struct.Struct(">BHhhBbBBhh")
 _FACT: Final = struct.Struct(">BHBH")
 _ACK: Final = struct.Struct(">BBH")
@@ -126,28 +131,29 @@ _TURN: Final = 6.283185307179586
 
 def encode_hello(hello: Hello) -> bytes:
     """Return the payload of a hello; positions beyond +-327 m are clamped."""
-    gx, gy = hello.goal or (0.0, 0.0)
+    x, y = _cm(hello.x), _cm(hello.y)
+    gx, gy = map(_cm, hello.goal or (0.0, 0.0))
     flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0) | (_STAYS if hello.stays else 0)
     heading = round(hello.theta / _TURN * 256) & 0xFF
-    x = _cm(hello.x)
-    y = _cm(hello.y)
     speed = max(-127, min(127, round(hello.v * 100)))
-    return _HELLO.pack(
-        PayloadKind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy)
-    )
+    rank = min(hello.rank, 255)
+    head = _HELLO.pack(PayloadKind.HELLO, hello.digest, x, y, heading, speed, flags, rank, gx, gy)
+    return head + hello.listed[:HELLO_LIST_OCTETS_MAX]
 
 
 def decode_hello(payload: bytes) -> Hello:
     """Return the hello in `payload`. Raises WireError."""
     try:
-        _, digest, x, y, heading, speed, flags, rank, gx, gy = _HELLO.unpack(payload)
+        _, digest, x, y, heading, speed, flags, rank, gx, gy = _HELLO.unpack_from(payload)
     except struct.error as error:
         raise WireError(f"hello: {error}") from error
+    listed = payload[_HELLO.size :]
+    if len(listed) > HELLO_LIST_OCTETS_MAX:
+        raise WireError(f"hello: a list of {len(listed)} octets")
     goal = (gx / 100, gy / 100) if flags & _GOAL else None
     theta = heading / 256 * _TURN
     parked = bool(flags & _PARKED)
-    stays = bool(flags & _STAYS)
-    return Hello(x / 100, y / 100, theta, speed / 100, parked, rank, goal, digest, stays)
+    return Hello(x / 100, y / 100, theta, speed / 100, parked, rank, goal, digest, bool(flags & _STAYS), listed)
 
 
 def _cm(metres: float) -> int:
@@ -210,6 +216,34 @@ def decode_ack(payload: bytes) -> tuple[int, int]:
     return epoch, sequence
 
 
+def encode_base(digest: int, epoch: int, sequence: int) -> bytes:
+    """Return the payload that says from which ordered delivery on a receiver has to wait for missing ones."""
+    return _FACT.pack(PayloadKind.FACT_BASE, digest & 0xFFFF, epoch & 0xFF, sequence)
+
+
+def decode_base(payload: bytes) -> tuple[int, int, int]:
+    """Return (digest, epoch, sequence). Raises WireError."""
+    try:
+        _, digest, epoch, sequence = _FACT.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"first delivery: {error}") from error
+    if sequence >> 15:
+        raise WireError("first delivery: an unordered number")
+    return digest, epoch, sequence
+
+
+def encode_base_wanted(epoch: int) -> bytes:
+    """Return the payload that asks a sender for its `FACT_BASE`; `epoch` is the life of it that is meant."""
+    return bytes((PayloadKind.FACT_BASE_WANTED, epoch & 0xFF))
+
+
+def decode_base_wanted(payload: bytes) -> int:
+    """Return the epoch. Raises WireError."""
+    if len(payload) != 2:
+        raise WireError(f"question for the first delivery: {len(payload)} octets instead of 2")
+    return payload[1]
+
+
 def encode_failure(digest: int, assertion: int | None) -> bytes:
     """Return the payload of a failure broadcast; `assertion` None, or beyond an octet: no deadline in particular."""
     known = assertion is not None and assertion < _NO_ASSERTION
@@ -243,9 +277,13 @@ def encode_delivery(delivery: Delivery, symbols: Mapping[str, int]) -> bytes:
 
     Raises WireError when a value is too long, or nested too deep, to be told.
     """
-    out = bytearray((delivery.role << 4, *_length(delivery.index), len(delivery.args)))
+    due_ms = -(-delivery.due // NS_PER_MS)
+    timed = 0 <= due_ms < 1 << 32
+    out = bytearray((delivery.role << 4 | timed, *_length(delivery.index), len(delivery.args)))
     if delivery.role in NUMBERED:
         out += struct.pack(">Q", delivery.number)
+    if timed:
+        out += struct.pack(">I", due_ms)
     for arg in delivery.args:
         _encode_value(out, arg, symbols, 0)
     return bytes(out)
@@ -294,12 +332,13 @@ def decode_delivery(body: bytes, symbols: Sequence[str]) -> Delivery:
         role = DeliveryRole(head >> 4)
         reader = _Reader(body, 4, symbols)
         number = reader.number() if role in NUMBERED else 0
+        due = reader.due() if head & 1 else NEVER
         args = tuple(reader.value(0) for _ in range(count))
     except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
         raise WireError(f"fact: {error}") from error
-    if head & 0x0F or reader.offset != len(body):
+    if head & 0x0E or reader.offset != len(body):
         raise WireError("fact: bits that mean nothing")
-    return Delivery(role, index, args, number)
+    return Delivery(role, index, args, number, due)
 
 
 class _Reader:
@@ -318,6 +357,10 @@ class _Reader:
     def number(self) -> int:
         """Read a delivery's number."""
         return int(self._take(">Q"))
+
+    def due(self) -> Instant:
+        """Read a delivery's deadline."""
+        return int(self._take(">I")) * NS_PER_MS
 
     def value(self, depth: int) -> Value:
         """Read one value, so many lists deep."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, final
 
 from rmr.base.geometry import Twist
-from rmr.base.time import Duration, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.radio.air import Confirmed, Received
 
 __all__ = ["BodyPort", "Confirmed", "Ports", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
@@ -116,8 +116,10 @@ class RadioPort(Protocol):
     def payload_max(self) -> int:
         """Octets of payload that a frame holds: 116, fewer where the radio secures frames. It never changes."""
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Queue `payload` for `destination` (None: broadcast). A `Confirmed` with `handle` follows.
+
+        Frames with a deadline `due` change places in the queue among each other: earliest deadline first.
 
         Raises `ValueError` for a payload of more than `payload_max` octets.
         """

@@ -60,12 +60,14 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
         "assertions": [job_entry(job) for job in jobs],
         "assertions_omitted": jobs[0].serial - 1 if jobs else 0,
         "facts": node.machine.facts(),
+        **({"set_aside": aside} if (aside := node.machine.set_aside()) else {}),
         "goals": goals,
         "goals_omitted": node.runner.achieved - len(goals["achieved"]),
         "dropped": node.machine.dropped,
         "actions": [[at, text] for at, text in log],
         "actions_omitted": log.omitted,
         "actions_failed": log.failed,
+        "actions_unhandled": log.unhandled,
         "first_failure": None if log.first_failure is None else list(log.first_failure),
         "restarts": restarts,
         "expression_failures": node.machine.expression_failures + node.runner.expression_failures,
@@ -100,6 +102,8 @@ def progress(node: ReportedNode, now: Instant) -> str:
     crossing = node.crossings.current
     action = node.services.actions.driving
     doing = action.text(node.robot) if action is not None else "waiting"
+    if node.services.blocked:
+        return f"{doing}, {node.services.blocked}"
     if crossing is None:
         return doing
     if isinstance(crossing.phase, Slotted):

@@ -13,6 +13,7 @@ from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.finish import FinishFact
 from rmr.node.logic.sensed_facts import SensedFacts
+from rmr.node.peers.link_sensing import ROBOTS_MAX, LinkSensing
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import BodyPort
 from rmr.node.trace import Trace, TraceLevel
@@ -25,14 +26,24 @@ SUSPENDED_AFTER: Final[Duration] = milliseconds(150)
 class RobotState:
     """One robot."""
 
-    def __init__(self, config: NodeConfig, program: Program, body: BodyPort | None, digest: int) -> None:
+    def __init__(
+        self,
+        config: NodeConfig,
+        program: Program,
+        body: BodyPort | None,
+        digest: int,
+        before: "RobotState | None" = None,
+    ) -> None:
+        """`before` is the state under another program, of which the robot keeps all that no program knows."""
         self.config = config
         self.robot = config.robot
         self.program = program
         self.digest = digest & 0xFFFF
         """Identity of the program in frames."""
-        self.notes = Trace(config.robot, config.trace)
-        choices = Choices(f"{config.seed}/robot{config.robot}/vm")
+        self.changes: int = 0 if before is None else before.changes + 1
+        """How often the robot has changed its program in this life."""
+        self.notes: Trace = Trace(config.robot, config.trace) if before is None else before.notes
+        choices = Choices(f"{config.seed}/robot{config.robot}/vm" + (f"/{self.changes}" if self.changes else ""))
         traced = config.trace is TraceLevel.FACTS
         self.provenance = config.provenance
         self.machine = new_machine(
@@ -40,11 +51,16 @@ class RobotState:
         )
         self.senses = SensedFacts(program, self.machine, config.provenance)
         self.finish = FinishFact(config.finish, program, self.machine, self.senses)
-        self.peers = Peers()
+        self.peers: Peers = Peers(_links(config)) if before is None else before.peers
         self.driver: Driver | None = None if body is None else Driver(config, body)
         """None: a robot without a body."""
         self.now: Instant = 0
         """The instant of the present call of the node."""
+        if before is not None:
+            self.now = before.now
+            self.finish.at = before.finish.at
+            if self.driver is not None and before.driver is not None:
+                self.driver.follow(before.driver)
         self.heard_at: Instant = 0
         """Lower bound of when the frames arrived that are handled in this call."""
         self.due = True
@@ -79,3 +95,11 @@ class RobotState:
             self.config.witness(self.robot, self.now, event)
         if self.provenance is not None:
             self.provenance.told(self.now, event)
+
+
+def _links(config: NodeConfig) -> LinkSensing | None:
+    """Return the sensing of links; None where the radio does not reach over the floor, or the robots are too many."""
+    if not config.reaches_all or len(config.roster) > ROBOTS_MAX:
+        return None
+    crowd = config.profile.promises_to_stay
+    return LinkSensing(config.robot, config.roster, crowd=crowd, begins_late=config.epoch > 0)

@@ -11,10 +11,12 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
 from rmr.base.values import Value
+from rmr.bytecode.provided import PREDICATES
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
 from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
+from rmr.node.crossing.blocked_way import barring, blocked_words
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
@@ -43,6 +45,8 @@ class RobotServices:
         self.state: dict[str, Any] = {}
         """What the robot's actions remember (`RobotHandle.state`)."""
         self.action_log = ActionLog()
+        self.blocked = ""
+        """Which dead robots bar the way of the drive under way, in words; empty if none do."""
         self._robot_state = state
         self._radio = radio
         self._handlers = handlers
@@ -56,6 +60,12 @@ class RobotServices:
         self._presence = presence
         self._runner = runner
         self._executive = executive
+
+    def take_over(self, other: "RobotServices") -> None:
+        """Go on with what the actions remember and with their log."""
+        self.state = other.state
+        self.action_log = other.action_log
+        self._runner.log_to(other.action_log)
 
     @property
     def now(self) -> Instant:
@@ -81,6 +91,22 @@ class RobotServices:
         if by is not None and self._robot_state.provenance is not None:
             self._robot_state.provenance.because(HandlerCause(by.serial))
         self._robot_state.machine.insert(now, index, tuple(args))
+        self._robot_state.mark_dirty()
+
+    def withdraw(self, now: Instant, name: str, args: Sequence[Value], by: RunningAction) -> None:
+        """Withdraw a sensed fact of this robot by the handler of an action; nothing happens if it does not hold.
+
+        Raises ValueError when the program does not know it, it is not sensed, or the robot itself senses it.
+        """
+        index = self.program.index(name)
+        if index is None:
+            raise ValueError(f"the program knows no predicate {name}")
+        provided = PREDICATES.get(name)
+        if provided is not None and provided.sensed:
+            raise ValueError(f"{name} is withdrawn by the robot itself, as what it senses changes")
+        if self._robot_state.provenance is not None:
+            self._robot_state.provenance.because(HandlerCause(by.serial))
+        self._robot_state.machine.withdraw(now, index, tuple(args))
         self._robot_state.mark_dirty()
 
     def broadcast_failure(self, assertion: int | None) -> None:
@@ -146,8 +172,16 @@ class RobotServices:
             self.driver.place = None
         navigator.drive(v, w)
 
+    def barred_by_lost(self, goal: Point) -> str:
+        """Return which dead robots bar every way to `goal`, in words; empty if none do."""
+        pose = self.pose
+        lost = self.peers.lost(self.now)
+        robots = () if pose is None else barring(self.arena, Point(pose.x, pose.y), goal, lost)
+        return blocked_words(self.arena, goal, robots, lost) if robots else ""
+
     def halt(self) -> None:
         """Stop the wheels."""
+        self.blocked = ""
         if self.driver is not None:
             self.driver.navigator.stop()
 

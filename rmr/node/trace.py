@@ -52,14 +52,17 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "inserted": TraceEvent(("fact",), "a fact of the robot now holds; only where facts are traced"),
     "removed": TraceEvent(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
     "achieved": TraceEvent(("goal",), "a goal was discharged"),
+    "unwanted": TraceEvent(("goal",), "an open goal was withdrawn, or has ended with the goal that it served"),
     "finished": TraceEvent((), "the lab's finish fact holds"),
     "action": TraceEvent(("action",), "an action has begun"),
+    "cancelled": TraceEvent(("action", "goal"), "an action was stopped: the goal that it served has ended"),
     "action_ended": TraceEvent(("action", "failure"), "an action is over: why it failed, or null"),
     "raised": TraceEvent(
         ("action", "traceback"), "its handler raised an exception: a line for each call, the last one last"
     ),
     "said": TraceEvent(("text",), "the action `say`"),
     "light": TraceEvent(("colour",), "the action `light`"),
+    "blocked": TraceEvent(("reason",), "a drive has no way, since robots that count as dead bar it: which, since when"),
     "at": TraceEvent(("area",), "the robot has arrived at an area"),
     "job_started": TraceEvent(("job", "deadline_s"), "a time assertion's job has started, or started anew"),
     "job_finished": TraceEvent(("job",), "its finish fact was inserted, in time or late"),
@@ -80,6 +83,9 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "left": TraceEvent(("event",), "its turn is over"),
     "scheduled": TraceEvent(("leader", "term", "order"), "a new schedule of an event was heard or made"),
     "leads": TraceEvent(("term",), "the robot leads an event's schedule"),
+    "program": TraceEvent(
+        ("digest", "facts", "ended"), "the robot has changed its program: how many facts it keeps, what has ended"
+    ),
 }
 """Every word, with the fields of its entries."""
 

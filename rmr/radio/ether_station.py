@@ -68,14 +68,14 @@ class EtherStation:
         """Its counters, up to date."""
         return self._ether.bulk_counters.complete(self.index, self.receive_filter.counters)
 
-    def request(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def request(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
 
-        A `Confirmed` with `handle` follows. Raises `ValueError` if the payload or the destination does not fit a
-        frame.
+        A `Confirmed` with `handle` follows. Frames with a deadline `due` are sent earliest deadline first. Raises
+        `ValueError` if the payload or the destination does not fit a frame.
         """
         kernel = self._ether.kernel
-        if self.mac.request(kernel.now, payload, destination, handle):
+        if self.mac.request(kernel.now, payload, destination, handle, due):
             self._alarm.set(self.mac.next_wake)
         else:
             self.receive_filter.counters.access_failed += 1

@@ -213,3 +213,15 @@ class Links:
 def partition(groups: Sequence[Sequence[int]], since: Instant = 0, until: Instant = NEVER) -> Disturbance:
     """Return the disturbance that cuts `groups` off from each other."""
     return Disturbance(since, until, tuple(map(tuple, groups)), attenuation_db=inf)
+
+
+def muted(robot: int, roster: Iterable[int], since: Instant = 0, until: Instant = NEVER) -> Disturbance:
+    """Return the disturbance that cuts off all frames from `robot` to the rest of `roster`."""
+    others = tuple(other for other in roster if other != robot)
+    return Disturbance(since, until, ((robot,), others), one_way=True, attenuation_db=inf)
+
+
+def deafened(robot: int, roster: Iterable[int], since: Instant = 0, until: Instant = NEVER) -> Disturbance:
+    """Return the disturbance that cuts off all frames from the rest of `roster` to `robot`."""
+    others = tuple(other for other in roster if other != robot)
+    return Disturbance(since, until, (others, (robot,)), one_way=True, attenuation_db=inf)

@@ -16,6 +16,9 @@ most four times; access lost on a retry ends the request as well (7.5.6.5).
     waiting    deadline, fewer than 4 attempts     backoff, BE = 3
     waiting    deadline, after the 4th             idle                  Confirmed no_ack
 
+Requests wait in line. Those with a deadline exchange places among each other, earliest deadline first, and equal ones
+stay in order; a request without one keeps its place, so that none of the others overtakes it.
+
 Idle goes on to the next request at once, but keeps the interframe space after the last frame. The machine
 performs no I/O: `next_wake` says when it wants `fire`, which is told whether the channel is busy.
 """
@@ -79,6 +82,10 @@ class _Request(NamedTuple):
     sequence: int
     wants_ack: bool
     handle: int
+    due: Instant = NEVER
+    """The deadline; NEVER: the request keeps its place."""
+    frame: DataFrame | None = None
+    """The frame, to be secured when its turn comes."""
 
 
 class Mac:
@@ -120,13 +127,13 @@ class Mac:
         self.state = State.IDLE
         self.next_wake: Instant = NEVER
 
-    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> bool:
-        """Queue `payload`; False if the queue is full, or the frame counter used up.
+    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> bool:
+        """Queue `payload`, due at `due`; False if the queue is full, or the frame counter used up.
 
         Raises `ValueError` if it cannot be a frame.
         """
         security = self._security
-        if len(self._queue) >= QUEUE_MAX or (security is not None and security.used_up):
+        if len(self._queue) >= QUEUE_MAX or (security is not None and security.left <= len(self._queue)):
             return False
         unicast = destination is not None and destination != BROADCAST
         frame = DataFrame(
@@ -137,13 +144,31 @@ class Mac:
             unicast,
             payload,
         )
-        # Secured once: a retransmission repeats the octets, and so the frame counter (7.5.6.5).
-        psdu = encode_data(frame) if security is None else security.protect(frame)
-        self._queue.append(_Request(psdu, self._sequence, unicast, handle))
+        psdu = encode_data(frame)
+        if security is not None:
+            security.check(frame)
+        self._enqueue(_Request(psdu, self._sequence, unicast, handle, due, frame))
         self._sequence = (self._sequence + 1) & SEQUENCE_MASK
         if self.state is State.IDLE:
             self._begin_next(now)
         return True
+
+    def _enqueue(self, request: _Request) -> None:
+        """Append `request`; then let it change places, from the back, with those that are due later."""
+        queue = self._queue
+        queue.append(request)
+        if request.due == NEVER:
+            return
+        place = len(queue) - 1
+        for other in range(place - 1, -1, -1):
+            due = queue[other].due
+            if due == NEVER:
+                continue
+            if due <= request.due:
+                return
+            queue[place] = queue[other]
+            queue[other] = request
+            place = other
 
     @property
     def queued(self) -> int:
@@ -193,7 +218,12 @@ class Mac:
             self.next_wake = NEVER
             self._current = None
             return
-        self._current = self._queue.popleft()
+        request = self._queue.popleft()
+        if self._security is not None and request.frame is not None:
+            # In the order of sending: receivers refuse a counter below one that they have heard. Secured once:
+            # a retransmission repeats the octets, and so the frame counter (7.5.6.5).
+            request = request._replace(psdu=self._security.protect(request.frame))
+        self._current = request
         self._attempt = 0
         self._begin_attempt(max(now, self._space_until))
 

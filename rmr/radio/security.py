@@ -125,6 +125,17 @@ class Security:
         """Whether this life has no counter left: nothing can be sent any more."""
         return self._counter >= self._end
 
+    @property
+    def left(self) -> int:
+        """How many more frames this life can send."""
+        return self._end - self._counter
+
+    def check(self, frame: DataFrame) -> None:
+        """Raise `ValueError` if `protect` would refuse the length of `frame`."""
+        if len(frame.payload) > self.level.payload_max:
+            limit = self.level.payload_max
+            raise ValueError(f"payload of {len(frame.payload)} octets: split it into pieces of at most {limit}")
+
     def protect(self, frame: DataFrame) -> bytes:
         """Return the PSDU of `frame`, secured. Raises `ValueError` if it cannot be a frame, and if `used_up`.
 
@@ -132,9 +143,7 @@ class Security:
         """
         if self.used_up:
             raise ValueError("the frame counter is used up: start the robot again")
-        if len(frame.payload) > self.level.payload_max:
-            limit = self.level.payload_max
-            raise ValueError(f"payload of {len(frame.payload)} octets: split it into pieces of at most {limit}")
+        self.check(frame)
         auxiliary = bytes((self.level,)) + self._counter.to_bytes(4, "little")
         open_frame = frame._replace(secured=True, payload=auxiliary)
         sealed = self._cipher.encrypt(self._nonce(frame, self._counter), frame.payload, _authenticated(open_frame))

@@ -141,12 +141,13 @@ class Station:
         self._x = x
         self._y = y
 
-    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> None:
+    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Send `payload` (up to `payload_max` octets) to `destination`, None for all.
 
-        A `Confirmed` with `handle` follows. Raises `ValueError` if the payload or the destination does not fit a frame.
+        A `Confirmed` with `handle` follows. Frames with a deadline `due` are sent earliest deadline first. Raises
+        `ValueError` if the payload or the destination does not fit a frame.
         """
-        if not self._mac.request(now, payload, destination, handle):
+        if not self._mac.request(now, payload, destination, handle, due):
             self.counters.access_failed += 1
             self._out.append(Confirmed(handle, "access_failure"))
             self._want(now, now)

@@ -12,7 +12,7 @@ would spend at its start, and its writer cannot be asked to close a chunk; the t
 
 import struct
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Final
 
@@ -116,9 +116,9 @@ def chunk(begin: int, end: int, size: int, crc: int, compression: str, data: byt
     return record(RecordCode.CHUNK, head, data)
 
 
-def message_index(channel_number: int, entries: Iterable[tuple[int, int]]) -> bytes:
-    """Return the index of one channel's messages in a chunk: instants and offsets."""
-    packed = b"".join(_PAIR.pack(at, offset) for at, offset in entries)
+def message_index(channel_number: int, entries: Sequence[int]) -> bytes:
+    """Return the index of one channel's messages in a chunk: the instant of each, and its offset after it."""
+    packed = struct.pack(f"<{len(entries)}Q", *entries)
     return record(RecordCode.MESSAGE_INDEX, struct.pack("<HI", channel_number, len(packed)), packed)
 
 

@@ -8,7 +8,7 @@ be read without its summary.
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from operator import itemgetter
 from typing import Final, Protocol
 
@@ -21,6 +21,9 @@ CHUNK_OCTETS: Final = 64 * 1024
 COMPRESSION: Final = "zstd"
 COMPRESSION_LEVEL: Final = 1
 _INSTANT: Final = itemgetter(0)
+_MESSAGE: Final = int(RecordCode.MESSAGE)
+_HEAD_OCTETS: Final = HEAD.size
+_pack_head: Final[Callable[..., bytes]] = MESSAGE_HEAD.pack
 
 
 class OctetSink(Protocol):
@@ -115,16 +118,21 @@ class McapWriter:
         self._pending = []
         self._pending_octets = 0
         parts: list[bytes] = []
-        entries: dict[int, list[tuple[int, int]]] = {}
+        entries: dict[int, list[int]] = {}
         offset = 0
         for at, channel, data in pending:
             length = MESSAGE_FIXED + len(data)
-            parts += (MESSAGE_HEAD.pack(RecordCode.MESSAGE, length, channel, 0, at, at), data)
-            entries.setdefault(channel, []).append((at, offset))
-            offset += HEAD.size + length
+            parts.append(_pack_head(_MESSAGE, length, channel, 0, at, at))
+            parts.append(data)
+            places = entries.get(channel)
+            if places is None:
+                places = entries[channel] = []
+            places.append(at)
+            places.append(offset)
+            offset += _HEAD_OCTETS + length
         self._write_chunk(b"".join(parts), entries, pending[0][0], pending[-1][0])
 
-    def _write_chunk(self, records: bytes, entries: Mapping[int, list[tuple[int, int]]], begin: int, end: int) -> None:
+    def _write_chunk(self, records: bytes, entries: Mapping[int, list[int]], begin: int, end: int) -> None:
         compressed = self._compressor.compress(records)
         chunk = mcap_format.chunk(begin, end, len(records), zlib.crc32(records), COMPRESSION, compressed)
         indexes = [mcap_format.message_index(channel, each) for channel, each in entries.items()]
@@ -134,7 +142,7 @@ class McapWriter:
         for (channel, each), index in zip(entries.items(), indexes, strict=True):
             offsets[channel] = at
             at += len(index)
-            self._counts[channel - 1] += len(each)
+            self._counts[channel - 1] += len(each) // 2
         sizes = (len(compressed), len(records))
         self._chunks.append(
             mcap_format.chunk_index(begin, end, start, len(chunk), offsets, at - start - len(chunk), COMPRESSION, sizes)

@@ -54,8 +54,8 @@ class RecordWriter:
         """Why the recording ended early, as a sentence; None while all is well."""
         self.count = 0
         """Number of messages written."""
-        self.tap: Callable[[str, Instant, Mapping[str, Any]], None] | None = None
-        """Called at once with each message, except for those that are encoded already."""
+        self._tap: Callable[[str, Instant, Mapping[str, Any]], None] | None = None
+        self._tapped: frozenset[str] = frozenset()
         self._pending: list[tuple[str, Instant, Callable[[], Content] | Content]] = []
         """Messages that are not encoded yet."""
         self._numbers: dict[str, int] = {}
@@ -94,16 +94,21 @@ class RecordWriter:
             with suppress(OSError):
                 file.close()
 
+    def tap(self, topics: frozenset[str], take: Callable[[str, Instant, Mapping[str, Any]], None]) -> None:
+        """Hand each message of `topics`, which are channels of JSON, to `take` when it is written."""
+        self._tap = take
+        self._tapped = topics
+
     def write(self, topic: str, now: Instant, content: Callable[[], Content] | Content) -> None:
         """Write a message on the channel `topic` at `now`; an instant before 0 counts as 0.
 
         `content` is a dict, which is not changed afterwards, its encoded octets, or a function that returns either and
         is called later.
         """
-        if self.tap is not None:
+        if topic in self._tapped:
             content = content() if callable(content) else content
-            if not isinstance(content, bytes):
-                self.tap(topic, now, content)
+            if self._tap is not None:
+                self._tap(topic, now, json.loads(content) if isinstance(content, bytes) else content)
         if self._mcap is not None:
             self._pending.append((topic, now, content))
             if len(self._pending) >= BATCH:

@@ -63,6 +63,6 @@ class RobotObserver:
         for entry in entries:
             self.writer.write("/trace", seconds(entry["t"]), entry)
 
-    def transmission(self, at: Instant, frame: Callable[[], Mapping[str, Any]]) -> None:
-        """Take a transmission of the robot's radio, as a function that returns it."""
+    def transmission(self, at: Instant, frame: Callable[[], bytes]) -> None:
+        """Take a transmission of the robot's radio, as a function that returns it as JSON."""
         self.writer.write("/frames", at, frame)

@@ -15,7 +15,7 @@ from rmr.bytecode.program import Kind
 from rmr.vm.derive import DerivedKind
 from rmr.vm.provenance import DeliveredCause, FiringCause
 from rmr.why.absence_tree import AbsenceAnswer, AbsenceNode
-from rmr.why.explain import DEPTH, SENSES, stages
+from rmr.why.explain import DEPTH, SENSES, stages, withdrawn_text
 from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastSend
 from rmr.why.past import Past
 from rmr.why.question import Question
@@ -110,6 +110,9 @@ class AbsenceFinder:
                 if goal.achieved is not None and goal.achieved <= self._now:
                     words = f"{text} is not open: it was achieved {seconds_text(goal.achieved)}"
                     return AbsenceNode("held", words)
+                if goal.withdrawn is not None and goal.withdrawn <= self._now:
+                    how = withdrawn_text(self._program, mind.robot, goal)
+                    return AbsenceNode("held", f"{text} is not open: it {'has' if goal.served else 'was'} {how}")
                 return AbsenceNode("held", f"{text} is open since {seconds_text(goal.at)}; ask without --not")
         return AbsenceNode("absent", f"{text} was never opened up to {seconds_text(self._now)}")
 

@@ -9,7 +9,7 @@ what the action does.
 from typing import Final, NamedTuple
 
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Atom, Bind, Kind, Mode, Rule, Slot
+from rmr.bytecode.program import Atom, Bind, Kind, Mode, Program, Rule, Slot
 from rmr.vm.derive import DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.provenance import (
@@ -23,11 +23,12 @@ from rmr.vm.provenance import (
     MissedCause,
     OutsideCause,
     SensedCause,
+    StandsCause,
     StepCause,
     UndeliveredCause,
 )
-from rmr.vm.ranks import reading
-from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastGoal, PastItem, PastSend
+from rmr.vm.ranks import PENDING, rank_text, reading
+from rmr.why.mind_index import EndedGoal, MindIndex, PastAction, PastFact, PastGoal, PastItem, PastSend
 from rmr.why.past import Past
 from rmr.why.rule_words import conjunct_text, item_text, rule_name, rule_place_of, seconds_text
 from rmr.why.why_tree import RuleFiring, WhyNode
@@ -43,6 +44,7 @@ SENSES: Final = {
     "at": "sensed by localisation",
     "pose": "sensed by localisation",
     "peer": "from the list of robots",
+    "robots": "from the list of robots",
     "neighbor": "sensed by the radio",
     "range": "sensed by the radio",
     "obstacle": "sensed by view or bumper",
@@ -91,7 +93,7 @@ class Explainer:
             mind.robot,
             item.at,
             because.word,
-            self._words(item, because),
+            self._words(mind, item, because),
             role,
             because.firing,
         )
@@ -126,15 +128,19 @@ class Explainer:
             case PastFact():
                 return item_text(self._program, item.predicate, mind.robot, item.args)
 
-    def _words(self, item: PastItem, because: Because) -> str:
+    def _words(self, mind: MindIndex, item: PastItem, because: Because) -> str:
         match item:
             case PastAction():
-                return f"{because.words}; {stages(item)}"
+                ended = item.cancelled_with
+                goal = f", with {ended_text(self._program, mind.robot, ended)}" if ended is not None else ""
+                return f"{because.words}; {stages(item)}{goal}"
             case PastSend():
                 comma = "" if because.word == "rule" else ","
                 return f"sent to @{item.destination}{comma} {because.words}{fate(item)}"
             case PastGoal() if item.achieved is not None:
                 return f"{because.words}; achieved {seconds_text(item.achieved)}"
+            case PastGoal() if item.withdrawn is not None:
+                return f"{because.words}; {withdrawn_text(self._program, mind.robot, item)}"
             case _:
                 return because.words
 
@@ -158,6 +164,8 @@ class Explainer:
                 return self._delivered(mind, item, cause)
             case UndeliveredCause():
                 return self._undelivered(mind, item, cause)
+            case StandsCause(home):
+                return self._stands(mind, item, home)
             case MissedCause(job):
                 return self._missed(mind, item, job)
             case _:
@@ -244,6 +252,14 @@ class Explainer:
                 return Because("undelivered", words, [Premise(mind, send)])
         return Because("undelivered", words, [])
 
+    def _stands(self, mind: MindIndex, item: PastItem, home: int) -> Because:
+        """Explain the fact that a decision, which was sent to the robot at home, is known there."""
+        assert isinstance(item, PastFact)
+        decided = [each.predicate for each in self._program.ensemble if each.other == item.predicate]
+        about = [each for each in mind.sends if each.predicate in decided and each.args == item.args[1:]]
+        premises = [Premise(mind, each) for each in about if each.destination == home]
+        return Because("message", f"@{home} has acknowledged the decision", premises)
+
     def _missed(self, mind: MindIndex, item: PastItem, serial: int) -> Because:
         known = mind.jobs.get(serial)
         if known is None or known.job is None:
@@ -271,7 +287,7 @@ class Explainer:
         if firing.conditions:
             words += f" where {', '.join(firing.conditions)}"
         if firing.goals:
-            distance = {0: "", 1: ", one more firing away"}.get(firing.rank or 0, f", {firing.rank} more firings away")
+            distance = _distance(firing.rank or 0)
             words += f", for the goal {', '.join(firing.goals)}{distance}"
         return Because("rule", words, premises, firing)
 
@@ -311,6 +327,13 @@ class Explainer:
         )
 
 
+def _distance(rank: int) -> str:
+    """Return how far a firing is from a goal."""
+    if rank >= PENDING:
+        return f" ({rank_text(rank)})"
+    return {0: "", 1: ", one more firing away"}.get(rank, f", {rank} more firings away")
+
+
 def _bound(rule: Rule, values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Return the values of the slots that the rule's own body binds: those of inner bodies come behind them."""
     bound = [slot.index for each in rule.body if isinstance(each, Atom) for slot in each.args if isinstance(slot, Slot)]
@@ -333,6 +356,20 @@ def _kind(item: PastItem) -> str:
             return "goal"
 
 
+def ended_text(program: Program, robot: int, goal: EndedGoal) -> str:
+    """Return a goal with which something else has ended."""
+    predicate, args = goal
+    return item_text(program, predicate, robot, args, "?")  # type: ignore[arg-type]
+
+
+def withdrawn_text(program: Program, robot: int, goal: PastGoal) -> str:
+    """Return how an open goal came to its end without being achieved."""
+    assert goal.withdrawn is not None
+    if goal.served is None:
+        return f"withdrawn {seconds_text(goal.withdrawn)}"
+    return f"ended {seconds_text(goal.withdrawn)}, with {ended_text(program, robot, goal.served)}"
+
+
 def stages(action: PastAction) -> str:
     """Return how far an action came."""
     words = []
@@ -344,6 +381,8 @@ def stages(action: PastAction) -> str:
         words.append("has not ended" if action.begun is not None else "has not begun")
     elif action.failure is None:
         words.append(f"completed {seconds_text(action.ended)}")
+    elif action.cancelled_with is not None:
+        words.append(f"cancelled {seconds_text(action.ended)}")
     else:
         words.append(f"failed {seconds_text(action.ended)} ({action.failure})")
     return ", ".join(words)

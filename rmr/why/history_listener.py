@@ -328,6 +328,11 @@ class HistoryListener:
             self._accepted = (event.peer, self._robot, event.epoch, event.sequence)
             self.history.received.setdefault(self._accepted, (now, self._order))
             return
+        if event.stage is Stage.RELEASED:
+            # It takes effect now: until then it waited for the delivery of an earlier one.
+            self._accepted = (event.peer, self._robot, event.epoch, event.sequence)
+            self.history.received[self._accepted] = now, self._order
+            return
         key = (self._robot, event.peer, event.epoch, event.sequence)
         if event.stage is Stage.BEGUN:
             self.history.sent[key] = DeliverySpan(key, now, self._order, self._sending)

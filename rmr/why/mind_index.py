@@ -14,7 +14,7 @@ from rmr.node.logic.exchange import DeliveryProgress, Stage
 from rmr.vm.derive import Chain, DerivedKind
 from rmr.vm.evaluate import same
 from rmr.vm.job import TimedJob
-from rmr.vm.machine_events import GoalAchieved, JobStarted
+from rmr.vm.machine_events import ActionCancelled, GoalAchieved, GoalWithdrawn, JobStarted
 from rmr.vm.provenance import (
     SENSED,
     ActionRecord,
@@ -57,6 +57,10 @@ class PastFact:
         return self.at <= now < self.until
 
 
+EndedGoal = tuple[int, tuple[object, ...]]
+"""Predicate and arguments (values, or ANY) of a goal that is no longer open."""
+
+
 @dataclass(slots=True, eq=False)
 class PastAction:
     """An action that the robot executes, or whose end it awaits."""
@@ -75,6 +79,8 @@ class PastAction:
     begun: Instant | None = None
     ended: Instant | None = None
     failure: str | None = None
+    cancelled_with: EndedGoal | None = None
+    """The goal whose achievement or withdrawal ended it."""
 
     def under_way_at(self, now: Instant) -> bool:
         """Return whether it had begun and not ended before `now`."""
@@ -112,6 +118,9 @@ class PastGoal:
     at: Instant
     cause: Cause
     achieved: Instant | None = None
+    withdrawn: Instant | None = None
+    served: EndedGoal | None = None
+    """Of a sub-goal that ended: the goal whose achievement or withdrawal ended it."""
 
 
 PastItem = PastFact | PastAction | PastSend | PastGoal
@@ -264,10 +273,20 @@ class MindIndex:
                 if job.serial in self.jobs:
                     self.jobs[job.serial].job = job
             case GoalAchieved(predicate, args, when):
-                self._achieved(predicate, args, when)
+                goal = self._closed(predicate, args)
+                if goal is not None:
+                    goal.achieved = when
+            case GoalWithdrawn(predicate, args, when, served):
+                goal = self._closed(predicate, args)
+                if goal is not None:
+                    goal.withdrawn = when
+                    goal.served = served
+            case ActionCancelled(serial=serial, served=served):
+                if serial in self.actions:
+                    self.actions[serial].cancelled_with = served
 
     def _delivered(self, at: Instant, stage: Stage, peer: int, epoch: int, sequence: int) -> None:
-        if stage is Stage.ACCEPTED:
+        if stage in (Stage.ACCEPTED, Stage.RELEASED):
             self.arrived[DeliveredCause(peer, epoch, sequence)] = at
         elif stage is Stage.BEGUN:
             if self._sending is not None:
@@ -283,12 +302,13 @@ class MindIndex:
                 send.given_up = at
                 send.why = "no acknowledgement"
 
-    def _achieved(self, predicate: int, args: tuple[object, ...], at: Instant) -> None:
+    def _closed(self, predicate: int, args: tuple[object, ...]) -> PastGoal | None:
+        """Return the goal that is no longer open."""
         for goal in self._open[predicate]:
             if _is_goal(goal.args, args):
-                goal.achieved = at
                 self._open[predicate].remove(goal)
-                return
+                return goal
+        return None
 
 
 def _is_goal(patterns: tuple[Pattern, ...], args: tuple[object, ...]) -> bool:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Atom, Bind, Code, Conjunct, Constant, Guard, Mode, Pattern, Slot
+from rmr.bytecode.program import Atom, Bind, Code, Conjunct, Constant, Fold, Guard, Mode, Pattern, Slot
 from rmr.vm.evaluate import NoValue, evaluate, same
 from rmr.why.mind_index import PastFact
 
@@ -90,6 +90,9 @@ class PartialSearch:
         elif isinstance(conjunct, Atom):
             blocking = next((fact for fact in self._facts(conjunct.predicate) if matched(conjunct, fact, env)), None)
             self._go_on(ConjunctVerdict(blocking is None, blocking), env)
+        elif isinstance(conjunct, Fold):
+            # Its value at that time would need all facts of then, so it is left open, and what depends on it, too.
+            self._go_on(ConjunctVerdict(None), env)
         else:
             own = env.copy()
             self._go_on(self._decided(conjunct, own), own)

@@ -35,12 +35,17 @@ class ReplayedHistory:
                 pass
         except MindLogError as error:
             self.problem = f"the log of {whose} ends early: {error}"
+        if replay.changed_at is not None:
+            at = in_seconds(replay.changed_at)
+            self.problem = f"{whose} changed its program at {at:.3f} s: what happened later is not explained"
         if replay.difference is not None:
             at = in_seconds(replay.difference.at)
             self.problem = (
                 f"the replay of {whose} differs from its recording from {at:.3f} s on ({replay.difference.what}): "
                 "what happened later may be explained wrongly; `rmr replay` tells more"
             )
+        self.changed = replay.changed_at is not None
+        """Whether it ends at a change of the program."""
         self.known_until: Instant = replay.now
 
 
@@ -87,6 +92,8 @@ class ReplayedHistories:
         except MindLogError as error:
             self.problems.append(f"what robot {mind.robot} did is not known: {error}")
             return None
+        if history.changed:
+            self.known_until = min(self.known_until, history.known_until)
         if history.problem:
             self.problems.append(history.problem)
         return history

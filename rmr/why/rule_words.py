@@ -18,6 +18,7 @@ from rmr.bytecode.program import (
     Code,
     Conjunct,
     Constant,
+    Fold,
     Kind,
     Mode,
     Pattern,
@@ -128,6 +129,11 @@ def conjunct_text(program: Program, conjunct: Conjunct, robot: int, env: Env) ->
     if isinstance(conjunct, Atom):
         mark = {Mode.ABSENT: "not ", Mode.KEEP: "$"}.get(conjunct.mode, "")
         return mark + atom_text(program, conjunct, robot, env)
+    if isinstance(conjunct, Fold):
+        term = [] if conjunct.term is None else [expression_text(conjunct.term, env)]
+        inner = [conjunct_text(program, each, robot, env) for each in conjunct.body]
+        call = f"{conjunct.operator.name.lower()}({', '.join([*term, *inner])})"
+        return f"{_value(env[conjunct.result])} = {shortened(call)}"
     if isinstance(conjunct, Bind):
         value = env[conjunct.slot]
         return f"{_value(value)} = {expression_text(conjunct.code, env)}"
@@ -160,6 +166,8 @@ def _infix(code: Code, env: Env) -> tuple[str, int]:
             other = _infix(code[index + operand : index + operand + jump], env)[0]
             stack.append((f"if({stack.pop()[0]}, {then}, {other})", _ATOM))
             index += operand + jump
+        elif (function := code[index - 1].function) is not None:
+            _call(stack, function.name, function.arity)
         else:
             _push(stack, op, operand, env)
     return stack[-1]
@@ -180,13 +188,23 @@ def _push(stack: list[tuple[str, int]], op: Op, operand: Value | None, env: Env)
         stack.append((f"not {_inside(stack.pop(), _NOT)}", _NOT))
     elif op is Op.NEG:
         stack.append((f"-{_inside(stack.pop(), _MINUS)}", _MINUS))
-    elif op in (Op.CALL, Op.LIST):
+    elif op is Op.CALL:
         assert isinstance(operand, int)
-        count = operand if op is Op.LIST else FUNCTIONS[operand].arity
-        parts = [text for text, _ in stack[len(stack) - count :]]
-        del stack[len(stack) - count :]
-        inside = ", ".join(parts)
-        stack.append((f"[{inside}]" if op is Op.LIST else f"{FUNCTIONS[operand].name}({inside})", _ATOM))
+        _call(stack, FUNCTIONS[operand].name, FUNCTIONS[operand].arity)
+    elif op is Op.LIST:
+        assert isinstance(operand, int)
+        stack.append((f"[{_popped(stack, operand)}]", _ATOM))
+
+
+def _call(stack: list[tuple[str, int]], name: str, arity: int) -> None:
+    stack.append((f"{name}({_popped(stack, arity)})", _ATOM))
+
+
+def _popped(stack: list[tuple[str, int]], count: int) -> str:
+    """Take the topmost texts off the stack; return them with commas between."""
+    parts = [text for text, _ in stack[len(stack) - count :]]
+    del stack[len(stack) - count :]
+    return ", ".join(parts)
 
 
 def _joined(op: Op, left: tuple[str, int], right: tuple[str, int]) -> tuple[str, int]:

@@ -26,6 +26,7 @@ from rmr.bytecode.program import (
     Pattern,
     Program,
     Steps,
+    When,
 )
 from rmr.vm.evaluate import same
 from rmr.why.question import Question
@@ -98,13 +99,15 @@ def may_be_sent(program: Program, asked: Question) -> bool:
 
 def _items(head: Sequence[object]) -> Iterator[tuple[Derived, tuple[Conjunct, ...]]]:
     """Yield the items of a head, each with the inner body that must match for it."""
-    for part in head:
+    for each in head:
+        part = each.item if isinstance(each, When) else each
         match part:
             case Comprehension(body=body, head=items):
                 for item in items:
                     yield item, body
-            case Aggregate(operator=operator, body=body, head=item):
-                yield item, body if operator in (Operator.MIN, Operator.MAX) else ()
+            case Aggregate(operator=operator, body=body, head=items):
+                for item in items:
+                    yield item, body if operator in (Operator.MIN, Operator.MAX) else ()
             case Steps(steps=steps):
                 for item in steps:
                     yield item, ()

@@ -8,11 +8,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from rmr.base.time import Instant
+from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Guard, Mode, Slot, Strategy
+from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Fold, Guard, Mode, Slot, Strategy
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.provenance import FiringCause, FiringRecord
+from rmr.vm.provenance import FiringCause, FiringRecord, Rival
+from rmr.vm.ranks import rank_text
+from rmr.vm.urgency import due_of
 from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
 from rmr.why.mind_index import MindIndex, PastFact
@@ -149,7 +151,7 @@ class UnsatisfiedRules:
         last = next((each for each in reversed(mind.firings.values()) if each.at <= self._now), None)
         if last is None:
             return f"it has not fired by {seconds_text(self._now)}"
-        rank = "" if last.rank is None else f", which leads to a goal (rank {last.rank})"
+        rank = "" if last.rank is None else f", which leads to a goal ({rank_text(last.rank)})"
         other = rule_name(self._program, last.rule)
         return f"it has not fired by {seconds_text(self._now)}; the last firing was {last.number}, {other}{rank}"
 
@@ -160,7 +162,7 @@ class UnsatisfiedRules:
         text = conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
         if verdict.holds is None:
             return AbsenceNode("undecided", f"not decided: {text}")
-        if isinstance(conjunct, Guard | Bind):
+        if isinstance(conjunct, Guard | Bind | Fold):
             why = f" (no value: {verdict.reason})" if verdict.reason else ""
             return AbsenceNode("false", f"false: {text}{why}")
         if conjunct.mode is Mode.ABSENT:
@@ -211,18 +213,21 @@ class UnsatisfiedRules:
             return words + ", this rule", False
         for rival in record.rivals:
             if rival.rule == source.rule:
-                why = self._preferred(mind, record, rival.rank)
+                why = self._preferred(mind, record, rival)
                 return f"{words}; this rule was satisfied then, too: {why}", True
         return words, False
 
-    def _preferred(self, mind: MindIndex, record: FiringRecord, rank: int | None) -> str:
-        """Return why a firing came before a rule that was satisfied as well, with `rank`."""
+    def _preferred(self, mind: MindIndex, record: FiringRecord, rival: Rival) -> str:
+        """Return why a firing came before a rule that was satisfied as well."""
+        rank = rival.rank
+        if record.rank == rank and record.urgency != rival.urgency:
+            return _more_urgent(record.urgency, rival.urgency)
         if record.rank == rank:
             textual = self._program.strategy is Strategy.TEXTUAL
             return "the other one stands before it (order textual)" if textual else "the other one was drawn by chance"
         goal = ", ".join(item_text(self._program, predicate, mind.robot, args) for predicate, args in record.goals)
-        here = "no open goal follows from this one" if rank is None else f"this one has rank {rank}"
-        return f"the other one leads to an open goal ({goal}; rank {record.rank}), {here}"
+        here = "no open goal follows from this one" if rank is None else f"this one has {rank_text(rank)}"
+        return f"the other one leads to an open goal ({goal}; {rank_text(record.rank)}), {here}"
 
     def _instead(self, mind: MindIndex, atom: Atom) -> str:
         held = mind.held(atom.predicate, self._now)[-NEAR_SHOWN:]
@@ -255,3 +260,12 @@ def _pattern(pattern: object, env: tuple[Value | None, ...]) -> Any:
         value = env[pattern.index]
         return ANY if value is None else Constant(value)
     return pattern
+
+
+def _more_urgent(first: int, second: int) -> str:
+    """Return why one firing came before another one of the same rank (``order deadline``)."""
+    due, other = due_of(first), due_of(second)
+    if due == other:
+        return f"both serve jobs due at {seconds_text(due)}, and the other one is nearer to the end of its job"
+    here = "this one serves no job" if other == NEVER else f"that of this one is due at {seconds_text(other)}"
+    return f"the job that the other one serves is due at {seconds_text(due)}, {here} (order deadline)"

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_text
-from rmr.lang.lower.robot_rules import Environment, RobotAggregate, RobotComprehension
+from rmr.lang.lower.robot_rules import Derived, Environment, inner_parts
 from rmr.lang.read.source_text import SourceText
 
 Variables = tuple[Mapping[int, str], ...]
@@ -20,9 +20,9 @@ def variable_names(program: Program, source: str, file: str) -> Variables:
     return tuple([dict(_names(projected.environment, projected.head)) for projected in checked.rules])
 
 
-def _names(environment: Environment, head: tuple[object, ...]) -> Iterator[tuple[int, str]]:
+def _names(environment: Environment, head: tuple[Derived, ...]) -> Iterator[tuple[int, str]]:
     """Yield slots with their names; of a slot that two inner bodies use the name in the first one comes last."""
-    inner = [part.environment for part in head if isinstance(part, RobotComprehension | RobotAggregate)]
+    inner = [part.environment for part in inner_parts(head)]
     for each in (*reversed(inner), environment):
         for name, slot in each.slots.items():
             if name.isidentifier():

@@ -1,6 +1,6 @@
 """The actions in a robot's report: those started last, their number, the failures, and the reason of the first failure.
 
-An action that was ended by `stop`, or by a later one of its name, has not failed: it is not counted as a failure.
+An action that was ended by `stop`, by a later one of its name, or by a new program, has not failed: it is not counted.
 """
 
 from collections import deque
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from rmr.base.time import Instant, in_seconds
-from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
+from rmr.node.actions.dispatcher import INTERRUPTED
 
 ACTIONS_MAX: Final = 10_000
 """Started actions kept for the report; the oldest go first."""
@@ -21,6 +21,8 @@ class ActionLog:
         self._kept: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
         self.started = 0
         self.failed = 0
+        self.unhandled = 0
+        """Failures of handlers of the user's own whose actions declare no `else`."""
         self.first_failure: tuple[float, str, str] | None = None
         """When the first one failed, which, and why."""
 
@@ -40,10 +42,11 @@ class ActionLog:
         self.started += 1
         self._kept.append((round(in_seconds(now), 3), action))
 
-    def end(self, now: Instant, action: str, failure: str | None) -> None:
-        """Take note of an action that has ended, and why it failed if it did."""
-        if failure in (None, STOPPED, TAKEN_OVER):
+    def end(self, now: Instant, action: str, failure: str | None, *, handled: bool) -> None:
+        """Take note of an action that has ended, why it failed if it did, and whether the program handles failures."""
+        if failure is None or failure in INTERRUPTED:
             return
         self.failed += 1
+        self.unhandled += not handled
         if self.first_failure is None:
             self.first_failure = round(in_seconds(now), 3), action, str(failure)

@@ -22,6 +22,10 @@ FAILURE_REPEATS: Final = 3
 """Copies of a failure broadcast, which is not acknowledged: at 20 % loss one of three arrives in 99 of 100 cases."""
 STUCK_S: Final = 20.0
 """Time without a way, or without a known position, after which a drive fails."""
+LOOK_EVERY: Final = seconds(1)
+"""How often a robot without a way looks whether the dead bar it."""
+FREE_AFTER: Final = seconds(5)
+"""The dead bar the way no longer when no look has found so for this long."""
 NEAR_M: Final = 1.0
 """Distance to the goal from which a robot that stands on it counts as blocking it."""
 OVERDUE_S: Final = 5.0
@@ -97,6 +101,7 @@ async def _under_way(
     node = robot.node
     navigator = robot.node.motion
     blocked_since: Instant | None = None
+    barred = BarredDrive(node, goal)
 
     def is_taken() -> bool:
         return taken is not None and taken()
@@ -105,10 +110,11 @@ async def _under_way(
         return idle is not None and idle()
 
     def ends() -> bool:
-        return navigator.status != "moving" or blocked_since is not None or is_taken() or is_idle()
+        return navigator.status != "moving" or blocked_since is not None or is_taken() or is_idle() or barred.due
 
     looks = Pause(condition=ends)
     while navigator.status != "arrived" and not is_idle():
+        barred.look()
         if navigator.status == "blocked" or is_taken():
             blocked_since = blocked_since or node.now
             robots = len(node.config.roster) if permit is not None and permit.waits else 1
@@ -117,6 +123,46 @@ async def _under_way(
         else:
             blocked_since = None
         await looks
+
+
+class BarredDrive:
+    """Looks whether the dead bar the way of one drive, which then fails although others may be in the way as well."""
+
+    __slots__ = ("_barred_at", "_goal", "_look_at", "_node", "_since")
+
+    def __init__(self, node: ActionHost, goal: Point) -> None:
+        self._node = node
+        self._goal = goal
+        self._since: Instant | None = None
+        """Since when they bar it."""
+        self._barred_at: Instant = 0
+        self._look_at: Instant = 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to look again: there are dead robots, or were at the last look."""
+        node = self._node
+        return node.now >= self._look_at and (self._since is not None or bool(node.peers.lost(node.now)))
+
+    def look(self) -> None:
+        """Look, if that is due. Raises ActionFailed when they have barred the way for STUCK_S."""
+        if not self.due:
+            return
+        node = self._node
+        now = node.now
+        self._look_at = now + LOOK_EVERY
+        node.blocked = node.barred_by_lost(self._goal)
+        if not node.blocked:
+            # To and fro before a body the way may seem free for a moment: so near to the start margins are less.
+            if self._since is not None and now - self._barred_at > FREE_AFTER:
+                self._since = None
+            return
+        self._barred_at = now
+        if self._since is None:
+            self._since = now
+            node.trace(now, "blocked", reason=node.blocked)
+        if now - self._since > seconds(STUCK_S):
+            raise ActionFailed(f"no way there: {node.blocked}")
 
 
 def _no_way(node: ActionHost, goal: Point) -> str:

@@ -32,6 +32,12 @@ STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
+NEW_PROGRAM: Final = "a new program"
+"""The failure of an action under way when the robot changes its program; it begins again if that declares it, too."""
+CANCELLED: Final = "cancelled"
+"""The failure of an action that serves no open goal any more."""
+INTERRUPTED: Final = (STOPPED, TAKEN_OVER, NEW_PROGRAM, CANCELLED)
+"""Failures that the program has brought about, and that are no faults."""
 FAILURE_CHARACTERS_MAX: Final = 500
 """Length of an action's reason of failure, which a user's handler may have written; the rest is cut off."""
 NO_LOOP: Final = "no running event loop"
@@ -221,6 +227,17 @@ class Dispatcher:
         else:
             self._admit(now, running)
 
+    def cancel(self, now: Instant, serial: int) -> None:
+        """End an action that waits or is under way; nothing happens if it has ended."""
+        for running in self.running:
+            if running.serial == serial:
+                self._end(now, running, CANCELLED)
+                return
+        for running in [*self.held, *self.queue]:
+            if running.serial == serial:
+                (self.held if running in self.held else self.queue).remove(running)
+                self._host.action_ended(now, running, CANCELLED)
+
     def _admit(self, now: Instant, running: RunningAction) -> None:
         if running.handler.at_once:
             self._interrupt(now)
@@ -304,6 +321,22 @@ class Dispatcher:
         if failure is not None:
             failure = one_line(failure, FAILURE_CHARACTERS_MAX)
         self._host.action_ended(now, running, failure)
+
+    def break_off(self) -> list[RunningAction]:
+        """End all actions without a word to the machine, for a new program begins; return those that had begun."""
+        begun = self.running.copy()
+        for running in (*begun, *self.queue, *self.held):
+            running.over = True
+        self.running.clear()
+        self.queue.clear()
+        self.held.clear()
+        for running in begun:
+            coroutine, running.coroutine = running.coroutine, None
+            if coroutine is not None:
+                _closed(coroutine, NEW_PROGRAM)
+            if running.handler.wheels:
+                self._host.halt()
+        return begun
 
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""

@@ -158,6 +158,13 @@ class RobotHandle:
         """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
         self._node.insert(self._now(), predicate, args, self._running)
 
+    def withdraw(self, predicate: str, *args: Value) -> None:
+        """Withdraw a sensed fact of this robot, one of a predicate that the program declares with ``type sensor``.
+
+        Nothing happens if it does not hold. Raises ValueError when it does not fit, or the robot itself senses it.
+        """
+        self._node.withdraw(self._now(), predicate, args, self._running)
+
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""
         self._node.trace(self._now(), "said", text=str(text))

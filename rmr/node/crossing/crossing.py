@@ -12,6 +12,7 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
+from rmr.coord.timing import LivenessTiming
 from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.config import UNKNOWN_INSIDE
 from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
@@ -51,6 +52,8 @@ LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the commit line on time."""
 REPLAN_BEFORE: Final[Duration] = seconds(3)
 """Earlier before its slot a robot keeps its route: to the entrance any is the same, and ranks still change."""
+PRESUMED_GONE: Final[Duration] = LivenessTiming().gone
+"""A robot that was stopped for longer than this while inside may have been presumed gone."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
 
@@ -95,6 +98,8 @@ class Crossing:
     course: Course = field(default_factory=Course)
     beyond: bool = False
     """Whether the robot had the resource behind it when it asked."""
+    barred: bool = False
+    """Whether the dead bar every way, as of the last poll."""
     rank: int = 0
     place: int = 0
     """The robot is the place-th of those that go its direction; 0: not known."""
@@ -133,6 +138,8 @@ class Crossing:
         """Return whether the action that serves the job may begin."""
         if not self.waits or self.job.finish is not None:
             return True
+        if self.barred:  # it finds no way, and fails with a reason, instead of waiting for slots of no use
+            return self.plan.gated
         in_time = self.plan.obstructs_exit or now >= self._sets_out_at
         return self.plan.gated and isinstance(self.phase, Slotted) and in_time
 
@@ -252,8 +259,18 @@ class Crossing:
 
     def finish(self) -> list[Command]:
         """Handle the end of the job before the robot has entered."""
+        return self._give_up(OwnEvent.JOB_OVER)
+
+    def fail(self) -> list[Command]:
+        """Handle the failure of the last action that serves the job: its turn goes to others.
+
+        Another try asks anew (`retry`). A robot inside keeps its turn until it is clear.
+        """
+        return self._give_up(OwnEvent.ACTION_FAILED) if self.waits else []
+
+    def _give_up(self, event: OwnEvent) -> list[Command]:
         requested = not isinstance(self.phase, Preparing)
-        self._enter(OwnEvent.JOB_OVER, Left())
+        self._enter(event, Left())
         return [Withdraw()] if requested else []
 
     def leave(self) -> list[Command]:
@@ -307,6 +324,7 @@ class Crossing:
         if not self.poll_is_due(now):
             return []
         phase.polled_at = now
+        self.barred = situation.barred
         if situation.within:  # pushed in, or its slot was lost there: it has to get out
             return self.renew(now, self.job, self.goal)
         self.plan = situation.plan or self.plan
@@ -350,8 +368,12 @@ class Crossing:
                 return self.leave()
             return self._extend(phase, now + UNKNOWN_INSIDE) if phase.end < now + self.plan.notice else []
         phase.route = situation.route
+        slept = now - phase.stepped_at > PRESUMED_GONE
+        phase.stepped_at = now
         if situation.within:  # its action is still to begin
             return self._extend(phase, now + UNKNOWN_INSIDE)
+        if slept and situation.before_hold_line and not self.plan.within:
+            return self.renew(now, self.job, self.goal)  # others may have entered since, for they heard nothing of it
         if self._leaves_entry_unused(now, situation):
             self._treat(now, Symptom.ENTRY_UNUSED)
             return self.renew(now, self.job, self.goal)

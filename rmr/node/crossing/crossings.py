@@ -156,12 +156,14 @@ class Crossings:
         if crossing is not None:
             crossing.serving.append(running)
 
-    def action_ended(self, now: Instant, running: RunningAction) -> None:
+    def action_ended(self, now: Instant, running: RunningAction, *, failed: bool) -> None:
         """Handle the end of an action; where several serve a crossing, the last one ends it."""
         crossing = self.crossing(running)
         if crossing is None:
             return
         crossing.serving.remove(running)
+        if failed and not crossing.serving:
+            self._execute(now, crossing, crossing.fail())
         if isinstance(crossing.phase, Inside) and not crossing.plan.gated and not crossing.serving:
             self._execute(now, crossing, crossing.leave())
 
@@ -201,6 +203,11 @@ class Crossings:
         """Return the name of the assertion behind a group."""
         crossing = self._crossings.get(group_id)
         return None if crossing is None else Symbol(crossing.job.name)
+
+    def stands_inside(self, group_id: bytes, robot: int) -> bool:
+        """Return whether `robot` was in the resource of a group, and in the way there, when it was heard last."""
+        crossing = self._crossings.get(group_id)
+        return crossing is not None and self._observer.stands_inside(crossing, robot)
 
     # -- each call ------------------------------------------------------------------------------------------
 

@@ -5,10 +5,11 @@ is made only where the crossing's step is about to use it: to ask, at a poll, an
 """
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import Pose
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
 from rmr.coord.coordination import Coordination
 from rmr.node.crossing import resource
+from rmr.node.crossing.blocked_way import barring
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.lateness import READY
 from rmr.node.crossing.phases import Inside, Preparing
@@ -18,6 +19,7 @@ from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route
 from rmr.node.parts import CrossingHost
+from rmr.node.peers.perception import LostRobot
 
 
 class Observer:
@@ -124,7 +126,31 @@ class Observer:
             pose=pose,
             plan=plan,
             in_entrance=resource.in_entrance(navigator, crossing.goal, pose, gated=gated),
+            barred=self._barred(now, crossing.goal, pose),
         )
+
+    def stands_inside(self, crossing: Crossing, robot: int) -> bool:
+        """Return whether `robot` was in the resource of `crossing`, and in the way there, when it was heard last."""
+        peer = self._robot.peers.known.get(robot)
+        arena = self._robot.config.arena
+        goal = crossing.goal
+        if peer is None or peer.hello is None or goal is None or not crossing.plan.gated:
+            return False
+        place = Pose(peer.hello.x, peer.hello.y, peer.hello.theta)
+        if not resource.stands_within(arena, goal, place, arena.shape.radius):
+            return False
+        pose = self._robot.pose
+        body = {robot: LostRobot(Point(place.x, place.y), peer.hello_at)}
+        return pose is None or bool(barring(arena, Point(pose.x, pose.y), goal.places[0], body))
+
+    def _barred(self, now: Instant, goal: Area | None, pose: Pose | None) -> bool:
+        """Return whether the dead bar the way to the first place of `goal` and to the last: not only a place."""
+        lost = self._robot.peers.lost(now)
+        if not lost or goal is None or pose is None:
+            return False
+        here = Point(pose.x, pose.y)
+        ends = dict.fromkeys((goal.places[0], goal.places[-1]))
+        return all(barring(self._robot.config.arena, here, end, lost) for end in ends)
 
 
 def finds_itself_within(arena: Arena, crossing: Crossing, pose: Pose | None, slack_m: float = 0.0) -> bool:
@@ -141,10 +167,11 @@ def inside(navigator: Navigator, crossing: Crossing, pose: Pose | None, entered:
     starts = crossing.plan.within and route is None  # its action is still to begin
     if starts and finds_itself_within(navigator.arena, crossing, pose, resource.OFF_ROUTE_M):
         return Situation(within=True)
+    before = navigator.status == "blocked" if ahead is None else not ahead.within
     return Situation(
         route=route,
         retreating=navigator.aside and not passed,
-        before_hold_line=ahead is not None and not ahead.within and not passed,
-        cleared=resource.is_clear(navigator, route, pose),
+        before_hold_line=before and not passed,
+        cleared=resource.is_clear(navigator, route, pose, stays=not crossing.serving),
         eta_clear=navigator.eta_clear(),
     )

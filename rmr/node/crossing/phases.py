@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from rmr.base.time import Instant
+from rmr.base.time import NEVER, Instant
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.node.motion.route import Route
 
@@ -49,6 +49,8 @@ class Inside:
     """By when it will be clear, as reported to the others."""
     route: Route | None
     """The route by which the robot entered; None until it has set out."""
+    stepped_at: Instant = NEVER
+    """The last call; NEVER before the first one."""
 
 
 @dataclass(slots=True)
@@ -70,6 +72,8 @@ class OwnEvent(Enum):
     """What was requested is given up, and a new request follows."""
     JOB_OVER = "job over"
     """The job has ended before the robot has entered."""
+    ACTION_FAILED = "action failed"
+    """The last action that serves the job has failed before the robot has entered."""
     CLEARED = "cleared"
     """The robot is clear of the resource."""
 
@@ -81,6 +85,7 @@ TRANSITIONS: Final[dict[tuple[type, type | OwnEvent], type]] = {
     (Preparing, OwnEvent.RENEWED): Preparing,
     (Preparing, OwnEvent.EXCUSED): Left,
     (Preparing, OwnEvent.JOB_OVER): Left,
+    (Preparing, OwnEvent.ACTION_FAILED): Left,
     (Asking, SlotAssigned): Slotted,
     (Asking, SlotLost): Asking,
     (Asking, EntryMissed): Asking,
@@ -88,6 +93,7 @@ TRANSITIONS: Final[dict[tuple[type, type | OwnEvent], type]] = {
     (Asking, OwnEvent.RENEWED): Preparing,
     (Asking, OwnEvent.EXCUSED): Left,
     (Asking, OwnEvent.JOB_OVER): Left,
+    (Asking, OwnEvent.ACTION_FAILED): Left,
     (Slotted, SlotAssigned): Slotted,
     (Slotted, SlotLost): Asking,
     (Slotted, EntryMissed): Asking,
@@ -95,6 +101,7 @@ TRANSITIONS: Final[dict[tuple[type, type | OwnEvent], type]] = {
     (Slotted, OwnEvent.RENEWED): Preparing,
     (Slotted, OwnEvent.EXCUSED): Left,
     (Slotted, OwnEvent.JOB_OVER): Left,
+    (Slotted, OwnEvent.ACTION_FAILED): Left,
     (Inside, OwnEvent.CLEARED): Left,
     (Inside, OwnEvent.RENEWED): Preparing,
     (Left, OwnEvent.RENEWED): Preparing,

@@ -87,14 +87,19 @@ def in_entrance(navigator: Navigator, goal: Area | None, pose: Pose | None, *, g
     return distance(*entry.entrance, pose.x, pose.y) < near_m
 
 
-def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None) -> bool:
-    """Return whether the robot is out of the resource, even if its drive has been broken off inside."""
+def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None, *, stays: bool = False) -> bool:
+    """Return whether the robot is out of the resource, even if its drive has been broken off inside.
+
+    A robot whose action has failed and that `stays` where it is holds up others only if its hull is in the resource:
+    before the hold line it gives its turn back.
+    """
     if entered_route(navigator) is not None:
         return navigator.cleared
     if pose is None or entered is None or entered.gate_m is None:
         return True
     s, off_m = located(entered, pose)
-    return off_m > OFF_ROUTE_M or not entered.gate_m - OFF_ROUTE_M < s < entered.clear_m
+    before_m = navigator.arena.shape.radius if stays else OFF_ROUTE_M
+    return off_m > OFF_ROUTE_M or not entered.gate_m - before_m < s < entered.clear_m
 
 
 def is_beyond(arena: Arena, goal: Area, pose: Pose) -> bool:

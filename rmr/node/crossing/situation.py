@@ -63,6 +63,8 @@ class Situation(NamedTuple):
     """Whether it finds itself inside the resource."""
     in_entrance: bool = False
     """Whether it stands in an entrance where no robot gets past it."""
+    barred: bool = False
+    """Whether robots that count as dead bar every way through the resource."""
     # -- inside
     route: Route | None = None
     """The route through the resource by which it has entered."""

@@ -6,20 +6,26 @@ What cannot be delivered is noted, comes back as the fact `undelivered(A, B, wha
 and fails the step that waits for it: nothing vanishes, and no chain waits for what never left.
 """
 
+from collections import deque
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
-from rmr.bytecode.program import Kind
+from rmr.bytecode.program import SENT_DUTIES, Duty, Kind
 from rmr.node import payloads
+from rmr.node.logic.deadlines import Deadlines
 from rmr.node.logic.exchange import Exchange, News, Outcome
+from rmr.node.logic.outbound import Outgoing
 from rmr.node.logic.symbol_numbers import symbols_of
 from rmr.node.payloads import Delivery, DeliveryRole, WireError
 from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text
+from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
-from rmr.vm.provenance import DeliveredCause, UndeliveredCause
+from rmr.vm.provenance import DeliveredCause, StandsCause, UndeliveredCause
+from rmr.vm.store import Args
 
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
@@ -32,6 +38,9 @@ ABOUT_JOBS: Final = frozenset({DeliveryRole.FINISH_AWAITED, DeliveryRole.FINISH_
 """Roles whose index is an assertion's."""
 ITEMS: Final = frozenset({DeliveryRole.FACT, DeliveryRole.GOAL, DeliveryRole.ACTION})
 """Roles of what a program derives; the others are news of it."""
+
+SERVING_MAX: Final = 64
+"""Deliveries of one job whose waiting is remembered, the newest."""
 
 Origin = tuple[int, int]
 """The robot that waits for an action's end, and the number by which it knows the action."""
@@ -48,9 +57,31 @@ class Deliveries:
         self.exchange = exchange
         self._symbols = symbols_of(state.program)
         self._incarnation = (state.config.epoch & 0xFF) << _SERIAL_BITS
+        self._deadlines = Deadlines(state.program, state.machine)
+        sent = [each for each in state.program.ensemble if each.duty in SENT_DUTIES]
+        self._lasting = frozenset([each.predicate for each in sent])
+        """Predicates of ensemble rules, whose facts are repeated until they are acknowledged."""
+        self._decisions = {each.predicate: each.other for each in sent if each.duty is Duty.DECISION}
+        """By predicate of a decision: that of the fact which its sender gets when it has been acknowledged."""
+        self._serving: dict[int, deque[Outgoing]] = {}
+        """Deliveries that serve a job of this robot, by the job's serial."""
         self.undelivered = 0
         self.first_undelivered: tuple[float, str, str] | None = None
         """When the first one was given up, seconds of lab time, what it was, and why."""
+
+    def take_over(self, old: "Deliveries") -> None:
+        """Go on with the exchange and the counters of another program's deliveries, but not with their deadlines."""
+        self.exchange = old.exchange
+        self._serving = old._serving
+        self.undelivered = old.undelivered
+        self.first_undelivered = old.first_undelivered
+
+    def text(self, delivery: Delivery) -> str:
+        """Return a delivery under way, in program syntax where its index means something."""
+        try:
+            return self._text(delivery, self._robot, self._robot)
+        except IndexError:
+            return f"{delivery.role.name.lower()} {delivery.index}"
 
     # -- what leaves ------------------------------------------------------------------------------------------
 
@@ -88,12 +119,36 @@ class Deliveries:
             self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
             return
         try:
+            due, jobs = self._deadlines.of(now, destination, delivery)
+            if due != NEVER:
+                delivery = replace(delivery, due=due)
             body = payloads.encode_delivery(delivery, self._symbols.numbers)
-            self.exchange.send(now, destination, delivery, body)
+            lasting = delivery.role is DeliveryRole.FACT and delivery.index in self._lasting
+            ordered = not lasting and self._ordered(delivery)
+            outgoing = self.exchange.send(now, destination, delivery, body, due=due, ordered=ordered, lasting=lasting)
         except WireError as error:
             self._give_up(now, destination, delivery, str(error))
             return
+        for job in jobs:
+            self._serving.setdefault(job.serial, deque(maxlen=SERVING_MAX)).append(outgoing)
         self._note(now, "sent", destination, delivery)
+
+    def missed(self, now: Instant, job: TimedJob) -> None:
+        """Tell a job that has missed its deadline for how long its deliveries have waited for others to leave."""
+        serving = self._serving.pop(job.serial, ())
+        job.queued = sum(outgoing.waited(now) for outgoing in serving)
+        job.stuck = any(outgoing.sent == NEVER for outgoing in serving)
+
+    def finished(self, job: TimedJob) -> None:
+        """Forget the deliveries of a job that has ended."""
+        self._serving.pop(job.serial, None)
+
+    def _ordered(self, delivery: Delivery) -> bool:
+        """Return whether a delivery takes effect after all ordered ones before it.
+
+        What is said of jobs bears the instant that it is about, so its order means nothing.
+        """
+        return delivery.role not in ABOUT_JOBS and not self._program.predicates[delivery.index].unordered
 
     # -- what became of it ------------------------------------------------------------------------------------
 
@@ -111,6 +166,15 @@ class Deliveries:
             self._give_up(now, news.destination, news.delivery, "no acknowledgement")
         else:
             self._note(now, news.outcome.value, news.destination, news.delivery)
+            other = self._decisions.get(news.delivery.index) if self._decisions else None
+            if other is not None and news.outcome is Outcome.DELIVERED and news.delivery.role is DeliveryRole.FACT:
+                self._stands(now, news.destination, other, news.delivery.args)
+
+    def _stands(self, now: Instant, receiver: int, predicate: int, args: Args) -> None:
+        """Tell the program that the decision which it has sent to `receiver` is known there."""
+        if self._state.provenance is not None:
+            self._state.provenance.because(StandsCause(receiver))
+        self._machine.insert(now, predicate, (Robot(receiver), *args))
 
     def _give_up(self, now: Instant, destination: int, delivery: Delivery, why: str) -> None:
         """Record an undeliverable item, and end the wait for it."""
@@ -148,6 +212,7 @@ class Deliveries:
             name = self._name(delivery)
         except IndexError:
             raise WireError(f"the program has no number {delivery.index} of that kind") from None
+        self._deadlines.arrived(now, source, delivery)
         try:
             self._take(now, delivery, source)
         except ValueError as error:

@@ -1,13 +1,21 @@
-"""Facts between robots: exactly once while both live (a fact travels until the *node* acknowledges it).
+"""Facts between robots: exactly once and in order while both live (a fact travels until the *node* acknowledges it).
 
 Each delivery has (sender, epoch, sequence). The sender repeats it, with back-off, until the receiving node
 acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as
 a whole. A delivery that outlives its time comes back as `Outcome.UNDELIVERED`: nothing vanishes.
 
-Nothing is handed on twice, however late a copy comes. The receiver keeps a window of sequence numbers for the newest
-epoch of each sender, as IPsec does against replay (RFC 4303, section 3.4.3): what is older than the window is a repeat,
-for the sender began the newer ones only when it was done with it. Frames of an older epoch are late ones of a life that
-has ended: no sender awaits their acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
+Deliveries from one robot to another take effect in the order in which they were sent; `unordered` ones take effect as
+they arrive and leave earliest deadline first. A receiver acknowledges an ordered delivery that arrives early and holds
+it back until those before it have taken effect (`rmr.node.logic.inbound`). The sender alone knows whether something
+missing will still come: what it has given up, or what an earlier life of the receiver has acknowledged, will not. So
+a receiver for which a delivery has been missing for `ASK_AFTER` asks the sender for the first number that it is not
+done with (`FACT_BASE`), again and again; a sender that gives something up says so unasked. If no
+answer comes for `HELD_MAX`, or the sender begins another life, what is held back takes effect in its order, without
+what is missing.
+
+Nothing is handed on twice, however late a copy comes. The receiver keeps windows of sequence numbers for the newest
+epoch of each sender. Frames of an older epoch are late ones of a life that has ended: no sender awaits their
+acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
 serial numbers (RFC 1982): of two the newer is less than half the range ahead. An epoch has 8 bits, so a receiver that
 hears nothing through 128 restarts of a sender takes the next lives for old ones; the sender then reports its deliveries
 as undelivered.
@@ -15,33 +23,35 @@ as undelivered.
 It does not know what a fact means and it does not know the radio: frames leave through `outbox`.
 """
 
-from collections import OrderedDict, deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections import OrderedDict
+from collections.abc import Callable, MutableMapping
+from contextlib import suppress
 from enum import Enum
 from random import Random
 from typing import Final, NamedTuple
 
-from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
+from rmr.base.time import NEVER, Duration, Instant, seconds
 from rmr.node import payloads
+from rmr.node.logic.inbound import UNORDERED, Arrival, Inbound, ahead
+from rmr.node.logic.outbound import ROUTINE_WITHIN, Outgoing, Recipient
 from rmr.node.payloads import Delivery, WireError
 
-RETRY_FIRST: Final[Duration] = milliseconds(150)
-"""Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
 RETRY_MAX: Final[Duration] = seconds(1)
 """Longest time between two repeats: about 25 in `TIME_TO_LIVE`; at 50 % loss both ways 1 delivery in 1000 fails."""
 TIME_TO_LIVE: Final[Duration] = seconds(30)
 """Time after its first transmission at which a delivery is given up and reported. One that still waits is given up when
 the receiver has acknowledged nothing for that long."""
-IN_FLIGHT_MAX: Final = 8
-"""Deliveries under way to one robot; more wait in order."""
+PARKED_RETRY: Final[Duration] = seconds(5)
+"""Longest time between two repeats of a lasting delivery that has been under way for `TIME_TO_LIVE`."""
+ASK_AFTER: Final[Duration] = seconds(1)
+"""Time for which a delivery may be missing before its sender is asked, and between two questions; the sender repeats it
+several times in between."""
+HELD_MAX: Final[Duration] = TIME_TO_LIVE + seconds(5)
+"""Time for which a delivery is held back at most. By then its sender has given up whatever was missing when it came,
+for that was sent before it."""
 WAITING_MAX: Final = 10_000
 """Deliveries that may wait for one robot; more are refused, so that a program that talks to a dead robot stays bounded.
 They and what is in flight have different sequence numbers."""
-REMEMBERED_MAX: Final = 256
-"""Width of the receiver's window of sequence numbers. A sender starts no delivery this far ahead of its oldest one in
-flight, so all that is in flight lies in the window."""
-_WINDOW: Final = (1 << REMEMBERED_MAX) - 1
 SENDERS_MAX: Final = 1024
 PARTIAL_MAX: Final = 32
 """Deliveries in fragments that may be incomplete at one time."""
@@ -66,57 +76,6 @@ class News(NamedTuple):
     delivery: Delivery
 
 
-@dataclass(slots=True)
-class _Outgoing:
-    delivery: Delivery
-    destination: int
-    sequence: int
-    frames: list[bytes]
-    expires: Instant
-    next_send: Instant = NEVER
-    wait: Duration = RETRY_FIRST
-
-
-@dataclass(slots=True)
-class _Peer:
-    in_flight: OrderedDict[int, _Outgoing] = field(default_factory=OrderedDict)
-    waiting: deque[_Outgoing] = field(default_factory=deque)
-    next_sequence: int = 0
-    heard: Instant = -TIME_TO_LIVE
-    """When it last acknowledged something."""
-
-
-@dataclass(slots=True)
-class _Seen:
-    """What has been accepted of one life of a sender."""
-
-    epoch: int
-    newest: int
-    """The newest sequence number."""
-    accepted: int = 0
-    """Bit k: number newest - k was accepted."""
-
-    def holds(self, sequence: int) -> bool:
-        """Return whether `sequence` was accepted, or is so old that its sender is done with it."""
-        behind = _ahead(sequence, self.newest, 16)
-        return behind >= REMEMBERED_MAX or (behind >= 0 and bool(self.accepted >> behind & 1))
-
-    def accept(self, sequence: int) -> None:
-        """Take note of `sequence`, which it does not hold."""
-        behind = _ahead(sequence, self.newest, 16)
-        if behind < 0:
-            self.newest = sequence
-            self.accepted = self.accepted << min(-behind, REMEMBERED_MAX) & _WINDOW
-            behind = 0
-        self.accepted |= 1 << behind
-
-
-def _ahead(of: int, number: int, bits: int) -> int:
-    """Return how far `number` is ahead of `of`, negative if it is behind: serial numbers of so many `bits`."""
-    half = 1 << (bits - 1)
-    return ((number - of + half) & ((1 << bits) - 1)) - half
-
-
 class Stage(Enum):
     """How far a delivery has come."""
 
@@ -125,6 +84,8 @@ class Stage(Enum):
     """Sent again, for want of an acknowledgement."""
     ACCEPTED = "accepted"
     """By the other node, the first copy."""
+    RELEASED = "released"
+    """It takes effect after it was held back for an earlier one."""
     ACKNOWLEDGED = "acknowledged"
     GIVEN_UP = "given up"
 
@@ -141,36 +102,50 @@ class DeliveryProgress(NamedTuple):
 
     stage: Stage
     peer: int
-    """The other robot: of an accepted delivery its sender, else its destination."""
+    """The other robot: of an accepted or released delivery its sender, else its destination."""
     epoch: int
     """The sender's."""
     sequence: int
 
 
+Renewal = Callable[[Delivery], tuple[Delivery, bytes] | None]
+"""Returns a delivery and its body in terms of another program; None if that program cannot take it."""
+
+
 class Exchange:
-    """Reliable, unordered delivery of facts to other robots over a lossy link."""
+    """Reliable delivery of facts to other robots over a lossy link, in order unless they are marked `unordered`."""
 
     def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = payloads.PAYLOAD_OCTETS_MAX) -> None:
         self._payload_max = payload_max
         self._digest = digest & 0xFFFF
         self._epoch = epoch & 0xFF
         self._rng = rng
-        self._peers: dict[int, _Peer] = {}
-        self._seen: OrderedDict[int, _Seen] = OrderedDict()
+        self._peers: dict[int, Recipient] = {}
+        self._senders: OrderedDict[int, Inbound] = OrderedDict()
         self._partial: OrderedDict[tuple[int, int, int, int], dict[int, bytes]] = OrderedDict()
-        self.outbox: list[tuple[bytes, int]] = []
-        """(payload, destination), to be handed to the link; the owner clears it."""
+        self.outbox: list[tuple[bytes, int, Instant]] = []
+        """(payload, destination, deadline), to be handed to the link; NEVER: the frame is none of a delivery. The owner
+        clears it."""
         self.news: list[News] = []
         """What became of deliveries since the last look; the owner clears it."""
+        self.arrivals: list[Arrival] = []
+        """What takes effect now, in order; the owner passes each to `hand_on` and clears the list."""
         self.next_wake: Instant = NEVER
+        self._repeat_at: Instant = NEVER
+        self._ask_at: Instant = NEVER
         self.delivered = 0
         """Deliveries of others that have arrived here, repeats not counted."""
         self.repeated = 0
         """Deliveries sent again."""
         self.tell: Callable[[DeliveryProgress], None] = lambda _: None
         self.last_accepted = (0, 0)
-        """Epoch and sequence number of the delivery that `received` has returned last."""
+        """Epoch and sequence number of the delivery that was handed on last."""
         self.duplicates = 0
+        self.held = 0
+        """Deliveries that were held back until an earlier one came."""
+        self.skipped = 0
+        """Times at which held deliveries took effect without an earlier one: after `HELD_MAX`, or in another life of
+        their sender."""
         self.late = 0
         """Frames of a sender's earlier life, dropped."""
         self.foreign = 0
@@ -178,113 +153,263 @@ class Exchange:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is under way."""
+        """Whether nothing is under way or held back."""
         return self.next_wake == NEVER
 
-    def send(self, now: Instant, destination: int, delivery: Delivery, body: bytes) -> None:
-        """Begin to deliver. Raises WireError when `body` is too large to travel, or too much waits already."""
-        peer = self._peers.setdefault(destination, _Peer())
-        if len(peer.waiting) >= WAITING_MAX:
+    # -- sender -----------------------------------------------------------------------------------------------
+
+    def send(
+        self,
+        now: Instant,
+        destination: int,
+        delivery: Delivery,
+        body: bytes,
+        *,
+        due: Instant = NEVER,
+        ordered: bool = True,
+        lasting: bool = False,
+    ) -> Outgoing:
+        """Begin to deliver; `due` is the deadline of what the delivery serves. Return what shows how long it waits.
+
+        A `lasting` delivery, which is not ordered, is never given up: it is repeated until it is acknowledged.
+
+        Raises WireError when `body` is too large to travel, or too much waits already.
+        """
+        peer = self._peers.get(destination)
+        if peer is None:
+            peer = self._peers[destination] = Recipient(heard=-TIME_TO_LIVE)
+        if peer.waiting >= WAITING_MAX:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
-        sequence = peer.next_sequence
+        queue = peer.ordered if ordered else peer.unordered
+        sequence = queue.next_number if ordered else queue.next_number | UNORDERED
         frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
-        peer.next_sequence = (sequence + 1) & 0xFFFF
-        peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
+        outgoing = Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE, due, now, lasting=lasting)
+        queue.push(outgoing)
         self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence))
-        self._fill(now, peer)
+        self._fill(now, destination, peer)
+        return outgoing
 
-    def _fill(self, now: Instant, peer: _Peer) -> None:
-        while peer.waiting and len(peer.in_flight) < IN_FLIGHT_MAX:
-            oldest = next(iter(peer.in_flight), peer.waiting[0].sequence)
-            # Keep all in flight inside the receiver's window: it takes what is older than the window for a repeat.
-            if (peer.waiting[0].sequence - oldest) & 0xFFFF >= REMEMBERED_MAX:
-                return
-            outgoing = peer.waiting.popleft()
-            if max(outgoing.expires, peer.heard + TIME_TO_LIVE) <= now:
-                self._tell(Outcome.UNDELIVERED, outgoing)
-                continue
-            outgoing.expires = now + TIME_TO_LIVE
-            peer.in_flight[outgoing.sequence] = outgoing
-            self._transmit(now, outgoing)
+    def _fill(self, now: Instant, destination: int, peer: Recipient, gave_up: bool = False) -> None:
+        """Send what may leave; if an ordered delivery was given up, here or before, say what comes first now."""
+        for queue in (peer.ordered, peer.unordered):
+            while (outgoing := queue.ready()) is not None:
+                queue.pop(outgoing)
+                if not outgoing.lasting and max(outgoing.expires, peer.heard + TIME_TO_LIVE) <= now:
+                    self._tell(Outcome.UNDELIVERED, outgoing)
+                    gave_up |= queue is peer.ordered
+                    continue
+                outgoing.expires = now + TIME_TO_LIVE
+                outgoing.sent = now
+                queue.in_flight[outgoing.sequence] = outgoing
+                self._transmit(now, outgoing, queue.due(outgoing))
+        if gave_up:
+            self._say_base(destination)
 
-    def _tell(self, outcome: Outcome, outgoing: _Outgoing) -> None:
+    def _tell(self, outcome: Outcome, outgoing: Outgoing) -> None:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
         self.tell(DeliveryProgress(_STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
-    def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
+    def _transmit(self, now: Instant, outgoing: Outgoing, due: Instant) -> None:
+        due = min(due, now + ROUTINE_WITHIN)
         for frame in outgoing.frames:
-            self.outbox.append((frame, outgoing.destination))
+            self.outbox.append((frame, outgoing.destination, due))
         # Random, so that two senders whose frames have collided do not repeat at the same instant.
         outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
-        outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
+        outgoing.wait = min(outgoing.wait * 2, PARKED_RETRY if outgoing.expires <= now else RETRY_MAX)
+        self._repeat_at = min(self._repeat_at, outgoing.next_send)
         self.next_wake = min(self.next_wake, outgoing.next_send)
 
     def wake(self, now: Instant) -> None:
-        """Repeat what is overdue and give up what has outlived its time."""
+        """Repeat what is overdue, give up what has outlived its time, and ask for what is missing."""
         if now < self.next_wake:
             return
-        self.next_wake = NEVER
-        for peer in self._peers.values():
-            for outgoing in list(peer.in_flight.values()):
-                if outgoing.expires <= now:
-                    del peer.in_flight[outgoing.sequence]
-                    self._tell(Outcome.UNDELIVERED, outgoing)
-                elif outgoing.next_send <= now:
-                    self.repeated += 1
-                    self._tell(Outcome.REPEATED, outgoing)
-                    self._transmit(now, outgoing)
-                else:
-                    self.next_wake = min(self.next_wake, outgoing.next_send)
-            self._fill(now, peer)
+        if now >= self._repeat_at:
+            self._repeat(now)
+        if now >= self._ask_at:
+            self._ask(now)
+        self.next_wake = min(self._repeat_at, self._ask_at)
+
+    def _repeat(self, now: Instant) -> None:
+        self._repeat_at = NEVER
+        for destination, peer in self._peers.items():
+            gave_up = False
+            parked = peer.unordered.parked
+            for queue in (peer.ordered, peer.unordered):
+                for outgoing in [*queue.in_flight.values(), *(parked.values() if queue is peer.unordered else ())]:
+                    if outgoing.expires <= now and outgoing.lasting and outgoing.sequence not in parked:
+                        parked[outgoing.sequence] = queue.in_flight.pop(outgoing.sequence)
+                    if outgoing.expires <= now and not outgoing.lasting:
+                        del queue.in_flight[outgoing.sequence]
+                        self._tell(Outcome.UNDELIVERED, outgoing)
+                        gave_up |= queue is peer.ordered
+                    elif outgoing.next_send <= now:
+                        self.repeated += 1
+                        self._tell(Outcome.REPEATED, outgoing)
+                        self._transmit(now, outgoing, queue.due(outgoing))
+                    else:
+                        self._repeat_at = min(self._repeat_at, outgoing.next_send)
+            self._fill(now, destination, peer, gave_up)
 
     def acknowledged(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle an acknowledgement from `source`. Raises WireError."""
         epoch, sequence = payloads.decode_ack(payload)
         peer = self._peers.get(source)
-        if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
+        if peer is None or epoch != self._epoch:
+            return
+        in_flight: MutableMapping[int, Outgoing] = peer.queue(sequence).in_flight
+        if sequence in peer.unordered.parked:
+            in_flight = peer.unordered.parked
+        if sequence not in in_flight:
             return
         peer.heard = now
-        self._tell(Outcome.DELIVERED, peer.in_flight.pop(sequence))
-        self._fill(now, peer)
-        if not any(other.in_flight for other in self._peers.values()):
-            self.next_wake = NEVER
+        self._tell(Outcome.DELIVERED, in_flight.pop(sequence))
+        self._fill(now, source, peer)
+        if all(other.idle for other in self._peers.values()):
+            self._repeat_at = NEVER
+            self.next_wake = self._ask_at
 
-    def received(self, payload: bytes, source: int) -> bytes | None:
-        """Handle a fact frame; return the body when a delivery is complete and new. Raises WireError."""
+    def asked(self, payload: bytes, source: int) -> None:
+        """Answer a receiver that misses a delivery: say which is the first that will come. Raises WireError."""
+        payloads.decode_base_wanted(payload)
+        self._say_base(source)
+
+    def _say_base(self, destination: int) -> None:
+        peer = self._peers.get(destination)
+        base = 0 if peer is None else peer.ordered.base
+        self.outbox.append((payloads.encode_base(self._digest, self._epoch, base), destination, NEVER))
+
+    def change_program(self, now: Instant, digest: int, renewed: Renewal, body_of: Callable[[bytes], bytes]) -> None:
+        """Go on with another program: what is under way, waits or is held back keeps its number, encoded anew.
+
+        `renewed` returns a delivery and its body for the new program; None: it ends. `body_of` does so for a body that
+        has come from another robot; an empty one takes no effect.
+        """
+        self._digest = digest & 0xFFFF
+        self._partial.clear()  # their other parts come with the new program's digest
+        for sender in self._senders.values():
+            sender.held = {number: (since, body_of(body)) for number, (since, body) in sender.held.items()}
+        for destination, peer in self._peers.items():
+            gave_up = False
+            for outgoing in peer.under_way():
+                if not self._renew(outgoing, renewed(outgoing.delivery)):
+                    peer.remove(outgoing)
+                    gave_up = True
+                    self.tell(DeliveryProgress(Stage.GIVEN_UP, destination, self._epoch, outgoing.sequence))
+                elif outgoing.sent != NEVER:
+                    outgoing.next_send = now
+            self._fill(now, destination, peer, gave_up)
+        self._repeat_at = self.next_wake = now
+
+    def _renew(self, outgoing: Outgoing, found: tuple[Delivery, bytes] | None) -> bool:
+        if found is None:
+            return False
+        with suppress(WireError):  # too large, as the new program has no numbers for its symbols
+            sequence = outgoing.sequence
+            frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, found[1], self._payload_max)
+            outgoing.delivery = found[0]
+            outgoing.frames = frames
+            return True
+        return False
+
+    # -- receiver ---------------------------------------------------------------------------------------------
+
+    def received(self, now: Instant, payload: bytes, source: int) -> None:
+        """Handle a fact frame; what takes effect is appended to `arrivals`. Raises WireError."""
         frame = payloads.decode_fact_frame(payload)
         if frame.digest != self._digest:
             self.foreign += 1
-            return None
-        seen = self._seen.get(source)
-        if seen is not None and _ahead(seen.epoch, frame.epoch, 8) < 0:
-            self.late += 1
-            return None
-        if self._is_repeat(source, frame):
+            return
+        sender = self._sender(source, frame.epoch)
+        if sender is None:
+            return
+        sequence = frame.sequence
+        if sender.has(sequence):
             # The first acknowledgement was lost, or crossed the repeat: say it again, or the sender never stops.
             self.duplicates += 1
-            self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
-            return None
+            self._acknowledge(sender, sequence)
+            return
+        if sender.passed(sequence) or sender.full(sequence):
+            self.duplicates += 1
+            self._expect(now, sender)
+            return
         body = frame.piece if frame.parts == 1 else self._join(source, frame)
         if body is None:
-            return None
-        self._remember(source, frame)
+            return
+        arrivals = sender.accept(now, sequence, body)
         self.delivered += 1
-        self.last_accepted = frame.epoch, frame.sequence
-        self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
-        self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
-        return body
+        self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, sequence))
+        self._acknowledge(sender, sequence)
+        # Behind others that have just been released, it is named again when its turn comes.
+        self.arrivals += [each._replace(held=True) for each in arrivals] if self.arrivals else arrivals
+        self.held += not arrivals
+        self._expect(now, sender)
 
-    def _is_repeat(self, source: int, frame: payloads.FactFrame) -> bool:
-        seen = self._seen.get(source)
-        return seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence)
+    def base_told(self, now: Instant, payload: bytes, source: int) -> None:
+        """Handle a sender's word which ordered delivery is the first that will come. Raises WireError."""
+        digest, epoch, base = payloads.decode_base(payload)
+        if digest != self._digest:
+            self.foreign += 1
+            return
+        sender = self._sender(source, epoch)
+        if sender is not None:
+            self.arrivals += sender.begin_at(base)
+            self._expect(now, sender)
 
-    def _remember(self, source: int, frame: payloads.FactFrame) -> None:
-        seen = self._seen.get(source)
-        if seen is None or seen.epoch != frame.epoch:
-            seen = self._seen[source] = _Seen(frame.epoch, frame.sequence)
-        seen.accept(frame.sequence)
-        if len(self._seen) > SENDERS_MAX:
-            self._seen.popitem(last=False)
+    def hand_on(self, arrival: Arrival) -> bytes:
+        """Take note that an arrival takes effect now; return its body."""
+        self.last_accepted = arrival.epoch, arrival.sequence
+        if arrival.held:
+            self.tell(DeliveryProgress(Stage.RELEASED, arrival.source, arrival.epoch, arrival.sequence))
+        return arrival.body
+
+    def _sender(self, source: int, epoch: int) -> Inbound | None:
+        """Return what is known of a life of a sender; None if it has ended."""
+        sender = self._senders.get(source)
+        if sender is not None and sender.epoch != epoch:
+            if ahead(sender.epoch, epoch, 8) < 0:
+                self.late += 1
+                return None
+            self._release(sender)
+            sender = None
+        if sender is None:
+            sender = self._senders[source] = Inbound(source, epoch)
+            if len(self._senders) > SENDERS_MAX:
+                self._release(self._senders.popitem(last=False)[1])
+        return sender
+
+    def _acknowledge(self, sender: Inbound, sequence: int) -> None:
+        self.outbox.append((payloads.encode_ack(sender.epoch, sequence), sender.source, NEVER))
+
+    def _expect(self, now: Instant, sender: Inbound) -> None:
+        """Set the time at which the sender is asked for what is missing."""
+        if not sender.held:
+            sender.ask_at = NEVER
+            return
+        if sender.ask_at == NEVER:
+            # A life that began before this receiver did: only the sender knows what comes first.
+            sender.ask_at = now if sender.next is None else now + ASK_AFTER
+        self._ask_at = min(self._ask_at, sender.ask_at)
+        self.next_wake = min(self.next_wake, self._ask_at)
+
+    def _ask(self, now: Instant) -> None:
+        self._ask_at = NEVER
+        for sender in self._senders.values():
+            if sender.ask_at > now:
+                self._ask_at = min(self._ask_at, sender.ask_at)
+                continue
+            if sender.held_since + HELD_MAX <= now:
+                self.skipped += 1
+                self.arrivals += sender.release_oldest()
+            if not sender.held:
+                sender.ask_at = NEVER
+                continue
+            self.outbox.append((payloads.encode_base_wanted(sender.epoch), sender.source, NEVER))
+            sender.ask_at = now + ASK_AFTER
+            self._ask_at = min(self._ask_at, sender.ask_at)
+
+    def _release(self, sender: Inbound) -> None:
+        self.skipped += bool(sender.held)
+        self.arrivals += sender.release_all()
 
     def _join(self, source: int, frame: payloads.FactFrame) -> bytes | None:
         key = (source, frame.epoch, frame.sequence, frame.parts)

@@ -12,6 +12,7 @@ from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
 from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Dispatcher, Handler, RunningAction
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.logic.deliveries import Deliveries
@@ -19,6 +20,7 @@ from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.machine_events import (
+    ActionCancelled,
     ActionDerived,
     BoundReached,
     ExpressionFailed,
@@ -29,6 +31,7 @@ from rmr.vm.machine_events import (
     FinishSeen,
     GoalAchieved,
     GoalSent,
+    GoalWithdrawn,
     JobFinished,
     JobMissed,
     JobStarted,
@@ -74,6 +77,15 @@ class MachineRunner:
         self.achieved = 0
         """Goals discharged."""
 
+    def log_to(self, action_log: ActionLog) -> None:
+        """Note the ends of actions in `action_log`."""
+        self._action_log = action_log
+
+    def follow(self, other: "MachineRunner") -> None:
+        """Go on with the counters of another program's runner."""
+        self.expression_failures = other.expression_failures + other._machine.expression_failures
+        self.achieved = other.achieved
+
     def run(self, now: Instant) -> None:
         """Let the machine deal with what is due, and what it reports happen."""
         machine = self._machine
@@ -90,12 +102,12 @@ class MachineRunner:
             events = self._machine.drain()
             had_news = True
             missed: int | None = None
-            actions: list[tuple[ActionDerived, int | None]] = []
+            actions: list[tuple[ActionDerived | ActionCancelled, int | None]] = []
             for event in events:
                 self._state.tell(event)
                 if isinstance(event, RuleFired):
                     self._derive(now, actions)
-                if isinstance(event, ActionDerived):
+                if isinstance(event, ActionDerived | ActionCancelled):
                     actions.append((event, missed))
                 else:
                     self._happened(now, event)
@@ -103,10 +115,13 @@ class MachineRunner:
             self._derive(now, actions)
         return had_news
 
-    def _derive(self, now: Instant, actions: list[tuple[ActionDerived, int | None]]) -> None:
+    def _derive(self, now: Instant, actions: list[tuple[ActionDerived | ActionCancelled, int | None]]) -> None:
         """Take up the actions of one firing, after its facts: a job that these start holds back what serves it."""
         for event, missed in actions:
-            self._derived(now, event, missed)
+            if isinstance(event, ActionDerived):
+                self._derived(now, event, missed)
+            else:
+                self._cancelled(now, event)
         actions.clear()
 
     def due(self, now: Instant) -> bool:
@@ -133,13 +148,17 @@ class MachineRunner:
                 self._state.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
                 self._crossings.started(now, job)
             case JobFinished(job=job):
+                self._deliveries.finished(job)
                 self._state.trace(now, "job_finished", job=job.text)
                 self._crossings.finished(now, job)
             case JobMissed(job=job):
+                self._deliveries.missed(now, job)
                 self._state.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
                 self.achieved += 1
                 self._state.trace(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
+            case GoalWithdrawn(predicate=predicate, args=args):
+                self._state.trace(now, "unwanted", goal=goal_text(self._program, predicate, self._robot, args))
             case _:
                 self._noted(now, event)
 
@@ -172,6 +191,13 @@ class MachineRunner:
             self._state.provenance.action(now, event.serial, "held", jobs[0].event)
         self._actions.derive(now, running)
 
+    def _cancelled(self, now: Instant, event: ActionCancelled) -> None:
+        action = fact_text(self._program, event.predicate, self._robot, event.args)
+        predicate, args = event.served
+        goal = goal_text(self._program, predicate, self._robot, args)
+        self._state.trace(now, "cancelled", action=action, goal=goal)
+        self._actions.cancel(now, event.serial)
+
     # -- ends of actions --------------------------------------------------------------------------------------
 
     def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
@@ -180,11 +206,15 @@ class MachineRunner:
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
-        self._action_log.end(now, running.text(self._robot), failure)
+        # A provided action fails as the floor makes it; the failure of a handler of the user's own is a defect, or
+        # something that the program has to know.
+        provided = running.handler is PROVIDED.get(running.name)
+        handled = provided or bool(self._program.predicates[action].else_effects)
+        self._action_log.end(now, running.text(self._robot), failure, handled=handled)
         self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
             self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
-        self._crossings.action_ended(now, running)
+        self._crossings.action_ended(now, running, failed=failure is not None)
         if self._state.provenance is not None:
             self._state.provenance.action(now, running.serial, "ended", failure)
         if self._state.driver is None:

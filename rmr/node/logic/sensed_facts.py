@@ -5,6 +5,7 @@ the program uses.
 """
 
 from collections.abc import Iterable
+from typing import Final
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
@@ -13,6 +14,9 @@ from rmr.vm.machine import Machine
 from rmr.vm.provenance import SENSED, ProvenanceLog
 
 Args = tuple[Value, ...]
+
+OF_SCHEDULES: Final = frozenset({"turn", "leads"})
+"""Facts about the robot's part in the schedules of groups."""
 
 
 class SensedFacts:
@@ -65,6 +69,12 @@ class SensedFacts:
             if self._provenance is not None:
                 self._provenance.because(SENSED)
             self._machine.withdraw(now, self._index[name], args)
+
+    def take_over(self, now: Instant, other: "SensedFacts") -> None:
+        """State what holds by `other`, of another program, but for the robot's part in schedules: groups end."""
+        for name, held in other._held.items():
+            for args in held if name not in OF_SCHEDULES else ():
+                self.add(now, name, args)
 
     def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:
         """State that exactly `facts` hold of `name`."""

@@ -11,7 +11,19 @@ from rmr.base.identity import ByIdentity
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Assertion, Atom, Code, Conjunct, Constant, Pattern, Predicate, Program, Rule, Slot
+from rmr.bytecode.program import (
+    Assertion,
+    Atom,
+    Code,
+    Conjunct,
+    Constant,
+    Fold,
+    Pattern,
+    Predicate,
+    Program,
+    Rule,
+    Slot,
+)
 
 SYMBOLS_MAX: Final = 1 << 16
 """A number travels in two octets; symbols beyond travel as text."""
@@ -65,6 +77,8 @@ def _rule(rule: Rule) -> Iterator[Value]:
 def _conjunct(conjunct: Conjunct) -> Iterator[Value]:
     if isinstance(conjunct, Atom):
         yield from _patterns(conjunct.args)
+    elif isinstance(conjunct, Fold):  # its body comes by itself
+        yield from _code(conjunct.term or ())
     else:
         yield from _code(conjunct.code)
 

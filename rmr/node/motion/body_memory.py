@@ -12,12 +12,14 @@ from typing import Final, final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import Instant, in_seconds
-from rmr.node.motion.avoid import CREEPING_MPS
+from rmr.node.motion.avoid import CREEPING_MPS, STILL_MPS
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.ports import SeenBody
 
 MEMORY_S: Final = 0.8
 """How long a body that has left the field of view is remembered."""
+STOOD_NEAR_M: Final = 0.5
+"""A body that stood is remembered within this distance, while some robot near may not be heard."""
 REMEMBERED_MAX: Final = 8
 """Bodies remembered at once; no more fit around a robot within its view."""
 VIEW_DEPTH_SLACK_M: Final = 0.02
@@ -39,6 +41,11 @@ class _Sighting:
         self.vy: Final = vy
         self.at: Final = at
 
+    @property
+    def stood(self) -> bool:
+        """Whether it did not move."""
+        return hypot(self.vx, self.vy) < STILL_MPS
+
     def superseded_by(self, other: ReportedState, radius: float) -> bool:
         """Return whether this is the robot `other`, which has reported its place since."""
         age = in_seconds(other.at - self.at)
@@ -57,9 +64,14 @@ class BodyMemory:
         self._sightings: list[_Sighting] = []
 
     def update(
-        self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], heard: Sequence[ReportedState] = ()
+        self,
+        now: Instant,
+        pose: Pose,
+        bodies: Sequence[SeenBody],
+        heard: Sequence[ReportedState] = (),
+        keeps_still: bool = False,
     ) -> Sequence[SeenBody]:
-        """Take in what is seen from `pose` and was `heard`.
+        """Take in what is seen from `pose` and was `heard`; `keeps_still`: some robot near may not be heard at all.
 
         Returns `bodies`, and behind them those remembered, all in the robot's frame.
         """
@@ -80,11 +92,17 @@ class BodyMemory:
         ]
         around = list(bodies)
         kept = fresh
-        for old in self._sightings if self._remembers else ():
+        for sighting in self._sightings if self._remembers else ():
+            old = sighting
+            if in_seconds(now - old.at) > MEMORY_S:
+                # No robot has said that it is there, and none that does not speak drives off. So it still stands.
+                if not keeps_still or not old.stood or hypot(old.x - pose.x, old.y - pose.y) > STOOD_NEAR_M:
+                    continue
+                old = _Sighting(old.x, old.y, 0.0, 0.0, old.at)
             age = in_seconds(now - old.at)
             x = old.x + old.vx * age
             y = old.y + old.vy * age
-            if age > MEMORY_S or any(hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
+            if any(hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
                 continue
             if any(old.superseded_by(other, self._shape.radius) for other in heard):
                 continue

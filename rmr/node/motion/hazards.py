@@ -15,7 +15,7 @@ from rmr.base.time import Instant
 from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.hearing import LISTENS, OVERDUE_HELLOS, SILENT
+from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.queueing import waits_in_queue
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.stopping import stopping_speed
@@ -25,6 +25,15 @@ STRAIGHT_RAD: Final = 0.1
 """A robot whose direction changes by less than this while it brakes counts as driving straight."""
 UNRANKED: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
 """No body has a place in the order."""
+
+
+SILENCE_RULES: Final = (
+    (LISTENS, "listen"),
+    (CUT_OFF, "majority"),
+    (SILENT, "silence"),
+    (OVERDUE_HELLOS, "overdue"),
+)
+"""The rules that forbid driving on since robots are not heard, by their flags."""
 
 
 class HazardStage(Enum):
@@ -93,7 +102,7 @@ class HazardScene:
 
     def count_silence(self) -> None:
         """Note that a silence has had an effect."""
-        for flag, name in ((LISTENS, "listen"), (SILENT, "silence"), (OVERDUE_HELLOS, "overdue")):
+        for flag, name in SILENCE_RULES:
             if self.silence & flag:
                 self.switches.count(name)
 

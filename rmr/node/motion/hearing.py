@@ -44,11 +44,18 @@ POSITION_ERROR_M: Final = 0.03
 """Error of the estimated positions of two robots together."""
 PARKED_SPARE_M: Final = 0.02
 """A parked robot is taken to be this much farther away: routes and goals keep clear of it by no more."""
+SPARE_BEGIN_M: Final = 0.005
+"""A parked robot is not taken to be farther away if no more than this is left between the hulls. Else a robot would
+creep on until it touches."""
+SPARE_FULL_M: Final = 0.02
+"""The spare grows to its full size over this much of the gap."""
 SPARE_FROM_M: Final = 0.05
 """A parked robot nearer than this is shifted by less: its direction is hardly more than noise."""
 BESIDE_M: Final = 0.1
 """A robot that turns takes in also those heard abeam, at most this far behind its axle: they may be ahead before it
 stands."""
+ACCELERATION: Final = 0.8
+"""Greatest acceleration of the wheels, m/s^2."""
 JUMP_M: Final = 0.1
 """An estimated position is not corrected by more than this between two updates."""
 HEARD_NEAR_M: Final = 0.5
@@ -57,6 +64,7 @@ HEARD_NEAR_M: Final = 0.5
 LISTENS: Final = 1
 SILENT: Final = 2
 OVERDUE_HELLOS: Final = 4
+CUT_OFF: Final = 8
 """Flags of the reasons for which `Hearing.forbids` driving on."""
 
 
@@ -102,6 +110,8 @@ class Hearing:
         "_shape",
         "_silent",
         "_silent_from",
+        "by_sight",
+        "cut_off",
         "fresh",
         "heeds",
         "hides_remembered",
@@ -125,7 +135,11 @@ class Hearing:
         """The key of this robot's right of way."""
         self.listens = False
         """A robot that has never been heard may be anywhere."""
-        self.heeds = LISTENS | SILENT | OVERDUE_HELLOS
+        self.cut_off = False
+        """Others may presume this robot dead (`rmr.node.peers.link_sensing`)."""
+        self.by_sight = False
+        """A dead robot may stand near, nobody knows where."""
+        self.heeds = LISTENS | SILENT | OVERDUE_HELLOS | CUT_OFF
         """The reasons in force, as flags."""
         self.hides_remembered = False
         """Whether `around` has left out a robot for one that is no longer in view but remembered."""
@@ -177,9 +191,9 @@ class Hearing:
             dx = other.x + vx * age - own_x
             dy = other.y + vy * age - own_y
             if parked:
-                spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, hypot(dx, dy))
-                dx = dx * spare
-                dy = dy * spare
+                farther = _farther(hypot(dx, dy), radius)
+                dx = dx * farther
+                dy = dy * farther
             x = dx * cos + dy * sin
             y = dy * cos - dx * sin
             if x <= beyond_m:
@@ -220,6 +234,33 @@ class Hearing:
                     ranked[body] = self.order < order_key(other.rank, other.robot)
         return ranked
 
+    @property
+    def misses_some(self) -> bool:
+        """Whether a robot is silent, or a dead one may be near: then a body may be none of those that are heard."""
+        return self.by_sight or bool(self._silent)
+
+    def may_reach(self, now: Instant, pose: Pose, back_m: float, within_m: float) -> bool:
+        """Return whether one that drives may have come within `within_m` of the place `back_m` behind a robot's `pose`.
+
+        Only those heard behind the axle are looked at: a robot that backs up leaves the others behind.
+        """
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
+        for other in self.fresh:
+            dx = other.x - pose.x
+            dy = other.y - pose.y
+            if other.parked or dx * cos + dy * sin > 0.0:
+                continue
+            age = in_seconds(now - other.at)
+            # At full acceleration from the reported speed, towards this robot at worst.
+            begins = (self._shape.speed - min(self._shape.speed, hypot(other.vx, other.vy))) / ACCELERATION
+            way = self._shape.speed * age - 0.5 * ACCELERATION * begins * begins
+            if age < begins:
+                way = age * (hypot(other.vx, other.vy) + 0.5 * ACCELERATION * age)
+            if hypot(dx + back_m * cos, dy + back_m * sin) - way <= within_m:
+                return True
+        return False
+
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> int:
         """Return why a robot at `pose` that sees the bodies `seen` must not drive on, as flags; 0: it may.
 
@@ -227,6 +268,8 @@ class Hearing:
         """
         if self.listens and self.heeds & LISTENS:
             return LISTENS
+        if self.cut_off and self.heeds & CUT_OFF:
+            return CUT_OFF
         overdue = now > self.overdue_at and self.heeds & OVERDUE_HELLOS != 0
         if not overdue and not self._silent:
             return 0
@@ -299,3 +342,9 @@ class Hearing:
         """Return whether `other` can have got to `place` since it was heard."""
         reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * POSITION_ERROR_M
         return hypot(other.x - place.x, other.y - place.y) <= reach
+
+
+def _farther(away_m: float, radius: float) -> float:
+    """Return by which factor a parked robot at the distance `away_m` is taken to be farther away."""
+    share = min(1.0, max(0.0, (away_m - 2.0 * radius - SPARE_BEGIN_M) / SPARE_FULL_M))
+    return 1.0 + share * PARKED_SPARE_M / max(SPARE_FROM_M, away_m)

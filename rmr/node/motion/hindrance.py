@@ -85,6 +85,7 @@ def hindrance_words(why: Hindrance) -> str:
 
 _CLAUSES: Final = {
     "listen": "it waits to hear {} for the first time",
+    "majority": "it hears too few robots that hear it",
     "silence": "it waits to hear {}",
     "overdue": "it waits to hear {}",
     "right_of_way": "it gives {} the right of way",
@@ -93,6 +94,7 @@ _CLAUSES: Final = {
     "stopping": "it stands for {}",
     "arc": "it stands for {}",
     "reverse_guard": "it cannot back up for {}",
+    "sight": "it looks before it drives: a robot that is not heard may be near",
     "promise": "it has promised the others to stay",
     "unwatched": "its newest sample is too old",
     BUMPED: "it drives against {}",

@@ -6,11 +6,11 @@ or another symptom of getting nowhere shows, the first escape that serves return
 to another place, a reverse manoeuvre, or a new route.
 
 A route around parked robots is planned anew when they change: at once while the robot still stands, on the way only
-when one of them now obstructs it. Robots parked at the gate or before this one in the gate's queue go first: the route
-leads over their places, and the robot waits until they have left.
+when one of them now obstructs it. Robots parked at the gate or before this one in its queue go first: the route leads
+over their places until they have left. The dead do not leave: routes lead around them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from rmr.base.arena import Arena
@@ -39,8 +39,8 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
-        "_parked", "_pose", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
+        "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try", "_order",
+        "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
         "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
 
@@ -60,6 +60,8 @@ class Navigator:
         self._face: float | None = None
         self._driven: Twist | None = None
         self._parked: tuple[Point, ...] = ()
+        self._lost: frozenset[Point] = frozenset()
+        self._queueing: tuple[Point, ...] = ()
         self._next_try: Instant = 0
         self._replan_due = False
         self._reverse_until: Instant = 0
@@ -86,6 +88,7 @@ class Navigator:
         *,
         final_heading: float | None = None,
         parked: Sequence[Point] = (),
+        lost: Collection[Point] = (),
         shared: GridPath | None = None,
         through_gate: bool = False,
     ) -> bool:
@@ -95,7 +98,7 @@ class Navigator:
         self._clear()
         self._order = DriveOrder(goal, shared, through_gate)
         self._face = final_heading
-        self._parked = tuple(parked)
+        self._park(tuple(parked), frozenset(lost))
         self._pose = pose
         self._gate = EntryGate(self.arena.shape, holding=through_gate)
         return self._replan(now, pose)
@@ -105,12 +108,17 @@ class Navigator:
         self._gate.opens_at = opens_at
         self._gate.opened = opened
 
-    def update_parked(self, points: Sequence[Point]) -> None:
-        """Set where robots are parked now; a blocked robot tries again at its next step."""
-        parked = tuple(points)
-        if same_places(parked, self._parked):
-            return
+    def _park(self, parked: tuple[Point, ...], lost: frozenset[Point]) -> None:
         self._parked = parked
+        self._lost = lost
+        self._queueing = tuple([place for place in parked if place not in lost])
+
+    def update_parked(self, points: Sequence[Point], lost: Collection[Point] = ()) -> None:
+        """Set where robots are parked now, and of these the dead; a blocked robot tries again at its next step."""
+        parked = tuple(points)
+        if same_places(parked, self._parked) and self._lost == frozenset(lost):
+            return
+        self._park(parked, frozenset(lost))
         self._next_try = 0
         if self._follower is not None and not self._follower.arrived and (self.parked or self._obstructed()):
             self._replan_due = True
@@ -190,7 +198,7 @@ class Navigator:
     def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
         control = self.control
-        cap = control.cap(follower, self._gate, self._right_of_way, self._parked)
+        cap = control.cap(follower, self._gate, self._right_of_way, self._queueing)
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
@@ -291,7 +299,7 @@ class Navigator:
         self._next_try = now + seconds(RETRY_S)
         start = Point(pose.x, pose.y)
         around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
-        order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed)
+        order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed, lost=self._lost)
         # Robots that go first, in the queue, are waited for and not driven around.
         route = replanned(self.arena, start, order, self._parked, around, at_goal=keep)
         if route is None:

@@ -15,10 +15,11 @@ from rmr.node.motion.route import DriveOrder, Route, follower_route, leader_rout
 def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Route | None:
     """Return the route from `start` that `order` asks for, around those `parked`; None when there is none.
 
-    Robots that stand before `start` in the gate's queue are no obstacles: they go first.
+    Robots that stand before `start` in the gate's queue are no obstacles: they go first. The dead go no more.
     """
     if order.through_gate:
-        parked = off_queue(arena, start, parked)
+        dead = [place for place in parked if place in order.lost] if order.lost else []
+        parked = [*off_queue(arena, start, [place for place in parked if place not in order.lost]), *dead]
     if order.through_gate and order.shared is not None:
         return follower_route(arena, start, order.goal, parked, order.shared)
     return leader_route(arena, start, order.goal, parked, through_gate=order.through_gate)

@@ -159,6 +159,8 @@ class DriveOrder(NamedTuple):
     goal: Point
     shared: GridPath | None
     through_gate: bool
+    lost: frozenset[Point] = frozenset()
+    """Where the dead stand: nobody waits for them to leave."""
 
 
 def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> Route:

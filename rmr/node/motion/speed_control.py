@@ -14,8 +14,8 @@ from rmr.base.time import Instant
 from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.hazards import UNRANKED, HazardScene
-from rmr.node.motion.hearing import BESIDE_M, LISTENS, OVERDUE_HELLOS, SILENT, Hearing
+from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
+from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
@@ -26,6 +26,9 @@ REVERSE_GAP_M: Final = 0.03
 """Gap to other robots that a reverse manoeuvre keeps: it is done blind."""
 REVERSE_POLL_M: Final = 0.03
 """How far behind the robot a reverse manoeuvre looks for walls and bodies."""
+
+SIGHT_RADIUS_M: Final = 0.5
+"""Least radius of an arc that leads only over floor that was in view just before."""
 
 SILENCED: Final = "silence"
 """What keeps a robot that drives by hand or backs up from doing so while somebody is not heard."""
@@ -46,13 +49,13 @@ class SpeedControl:
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self.hearing = Hearing(arena.shape, robots)
-        for flag, rule in ((LISTENS, "listen"), (SILENT, "silence"), (OVERDUE_HELLOS, "overdue")):
+        for flag, rule in SILENCE_RULES:
             if switches.off(rule):
                 self.hearing.heeds &= ~flag
 
     def perceive(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> None:
         """Take in the estimated pose and the bodies in view."""
-        self._seen = self._memory.update(now, pose, bodies, self.hearing.fresh)
+        self._seen = self._memory.update(now, pose, bodies, self.hearing.fresh, self.hearing.misses_some)
         around = self.scene
         around.now = now
         around.pose = pose
@@ -78,6 +81,10 @@ class SpeedControl:
         """Return `twist`, slowed as the bodies around demand."""
         if twist.v <= 0.0:
             return twist
+        if self.hearing.by_sight and abs(twist.w) * SIGHT_RADIUS_M > twist.v and not self._switches.off("sight"):
+            self._switches.count("sight")
+            self.law.limited_by = "sight"
+            return Twist(0.0, twist.w)
         around = self.scene
         seen = self._seen
         # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
@@ -102,6 +109,10 @@ class SpeedControl:
             return Twist(-REVERSE_MPS, 0.0)
         around = self.scene
         pose = self.scene.pose
+        if self.hearing.by_sight and not self._switches.off("sight"):
+            self._switches.count("sight")
+            self.law.limited_by = "sight"
+            return STILL
         radius = self.arena.shape.radius
         x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
         y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
@@ -112,6 +123,8 @@ class SpeedControl:
                 free = False
                 around.heard_from = len(self._seen)
                 around.count_body(index)
+        if free and not self._switches.off("cooperation"):
+            free = not self.hearing.may_reach(around.now, pose, REVERSE_POLL_M, 2.0 * radius + REVERSE_GAP_M)
         if free:
             return Twist(-REVERSE_MPS, 0.0)
         self._switches.count("reverse_guard")

@@ -19,7 +19,7 @@ from rmr.node.motion.hazards import (
     SilenceRule,
     StoppingRule,
 )
-from rmr.node.motion.hearing import LISTENS, OVERDUE_HELLOS, SILENT
+from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.rule_switches import RuleSwitches
 
 STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
@@ -62,8 +62,17 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "listen",
         "a robot that has never been heard",
         "where the radio reaches over the whole floor, a robot that starts or restarts stands until it has heard a "
-        "position of each robot of the roster, 10 s at most; on a wider floor a restarted robot listens for 1.2 s",
+        "position of each robot of the roster, 10 s at most, or 60 s if others hear the one that it misses; on a wider "
+        "floor a restarted robot listens for 1.2 s",
         "hearing.py",
+    ),
+    SilenceRule(
+        CUT_OFF,
+        "majority",
+        "a robot that the others do not hear, or hardly any, and presume dead",
+        "where the radio reaches over the whole floor, a robot stands unless it hears all others of the roster and "
+        "they hear it, or a majority with itself; after 60 s without one it drives by sight",
+        "link_sensing.py",
     ),
     SilenceRule(
         SILENT,
@@ -125,11 +134,20 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "hazards.py",
     ),
     Hazard(
+        "sight",
+        HazardStage.WHEELS,
+        "a dead robot that has driven on since it was heard last",
+        "near its last place, and anywhere if a robot has never been heard, a robot drives only where it has just "
+        "looked: it turns on the spot instead of driving arcs with a radius below 0.5 m, and does not reverse",
+        "speed_control.py",
+    ),
+    Hazard(
         "reverse_guard",
         HazardStage.WHEELS,
         "a body or a wall behind a robot that reverses",
         "a reverse manoeuvre stops 3 cm short of a wall and of every known body; one behind that drives away is taken "
-        "to be where it was heard last, since it may have stopped",
+        "to be where it was heard last, since it may have stopped, and one that does not is taken to have driven here "
+        "at full speed since",
         "navigator.py",
     ),
     Hazard(

@@ -10,15 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import Area, Arena, RobotShape
 from rmr.base.geometry import Point, Pose, hypot
-from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
 from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
+from rmr.node.peers.link_sensing import CUT_OFF_MAX, LinkSensing
 from rmr.node.ports import SeenBody, Sensed
 
 AT_LEAVE_M: Final = 0.08
@@ -90,6 +91,15 @@ class Localiser:
             self.pose = ekf.pose
 
 
+class LostRobot(NamedTuple):
+    """A robot that counts as dead."""
+
+    place: Point
+    """Where it said last that it was."""
+    silent_since: Instant
+    """When it said so."""
+
+
 @dataclass(slots=True)
 class Peer:
     """Another robot, as last heard."""
@@ -117,7 +127,9 @@ def driving_of(robot: int, hello: Hello, at: Instant) -> Heard | None:
 class Peers:
     """The robots that have been heard."""
 
-    def __init__(self) -> None:
+    def __init__(self, links: LinkSensing | None = None) -> None:
+        """`links`: which of them hear this robot; None where majorities have no use."""
+        self.links: Final = links
         self.known: dict[int, Peer] = {}
         self._ordered = True
         """Whether those known are in order of their ids."""
@@ -126,6 +138,8 @@ class Peers:
         self._standing_until: Instant = 0
         """Not before this instant is one of the others dead."""
         self._parked: tuple[Point, ...] | None = None
+        self._lost: dict[int, LostRobot] = {}
+        """Of those standing the ones that are dead."""
 
     def heard(self, now: Instant, robot: int, rssi_dbm: float) -> None:
         """Note that a frame of `robot` arrived."""
@@ -156,10 +170,14 @@ class Peers:
         peer.sets_out = old is not None and max(abs(hello.x - old.x), abs(hello.y - old.y)) < MOVED_M
         peer.hello = hello
         peer.hello_at = at
+        if self.links is not None:
+            self.links.note(at, robot, hello.listed)
         peer.driving = driving
         if hello.stays:
             peer.stays_until = (at if said is None else min(at, said)) + STAYS
-        if hello.parked and self._standing is not None and robot in self._standing:
+        if robot in self._lost:
+            self._standing = None
+        elif hello.parked and self._standing is not None and robot in self._standing:
             place = Point(hello.x, hello.y)
             if place != self._standing[robot]:
                 self._standing[robot] = place
@@ -171,9 +189,12 @@ class Peers:
 
     def placed(self, robot: int, roster: Sequence[int]) -> bool:
         """Return whether all of `roster` but `robot` itself have said where they are."""
-        return all(
-            one == robot or ((peer := self.known.get(one)) is not None and peer.hello is not None) for one in roster
-        )
+        return all(one == robot or self.is_placed(one) for one in roster)
+
+    def is_placed(self, robot: int) -> bool:
+        """Return whether `robot` has said where it is."""
+        peer = self.known.get(robot)
+        return peer is not None and peer.hello is not None
 
     def neighbors(self, now: Instant) -> list[int]:
         """Return the robots heard within HEARD, in order of their ids."""
@@ -193,15 +214,42 @@ class Peers:
         """Return where the others stand, by robot, in order of their ids: those parked, and those dead."""
         if self._standing is None or now >= self._standing_until:
             self._standing = {}
+            self._lost = {}
             self._standing_until = NEVER
             self._parked = None
             for robot, peer in self.in_order().items():
                 hello = peer.hello
-                if hello is not None and (hello.parked or now - peer.hello_at > DEAD):
+                if hello is None:
+                    continue
+                lost = now > self.dead_from(robot, peer)
+                if lost:
+                    self._lost[robot] = LostRobot(Point(hello.x, hello.y), peer.hello_at)
+                else:
+                    self._standing_until = min(self._standing_until, self.dead_from(robot, peer) + 1)
+                if lost or hello.parked:
                     self._standing[robot] = Point(hello.x, hello.y)
-                elif hello is not None:
-                    self._standing_until = min(self._standing_until, peer.hello_at + DEAD + 1)
         return self._standing
+
+    def dead_from(self, robot: int, peer: Peer) -> Instant:
+        """Return after which instant `robot` is presumed dead: DEAD after it was heard last, here or by others."""
+        if self.links is None:
+            return peer.hello_at + DEAD
+        # Who lists it has heard it within `lasts`.
+        heard = max(peer.hello_at, self.links.listed(robot) - self.links.lasts)
+        return min(heard + DEAD, peer.hello_at + CUT_OFF_MAX)
+
+    def lost(self, now: Instant) -> dict[int, LostRobot]:
+        """Return the robots that have been silent for so long that they count as dead."""
+        self.standing(now)
+        return self._lost
+
+    def lost_places(self, now: Instant) -> list[Point]:
+        """Return where the dead stand."""
+        return [body.place for body in self.lost(now).values()]
+
+    def changes(self, now: Instant) -> bool:
+        """Return whether what `standing` returns may have changed although nothing was heard: one may be dead now."""
+        return self._standing is None or now >= self._standing_until
 
     def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[ReportedState]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.
@@ -212,9 +260,12 @@ class Peers:
         known = []
         for robot, peer in self.in_order().items():
             hello = peer.hello
-            age = now - peer.hello_at
-            if hello is None or age > DEAD:
+            if hello is None:
                 continue
+            if now - peer.hello_at > DEAD and now > self.dead_from(robot, peer):
+                continue
+            if robot in self._lost:  # others hear it again
+                self._standing = None
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < HEARD_NEAR_M and abs(hello.y - pose.y) < HEARD_NEAR_M):
@@ -224,6 +275,34 @@ class Peers:
                 vy = v * math.sin(hello.theta)
                 known.append(ReportedState(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
         return known
+
+    def hides(self, now: Instant, pose: Pose, shape: RobotShape, roster: Sequence[int], robot: int) -> bool:
+        """Return whether a body that stands may be near a robot at `pose` without being known: a dead robot's.
+
+        One that has been heard has driven on from there while others heard it, and until it knew that none does. One of
+        `roster` but `robot` itself that has never been heard may be anywhere.
+        """
+        if self.links is None:
+            return False
+        if not self.placed(robot, roster):
+            return True
+        for other in self.lost(now):
+            peer = self.known[other]
+            hello = peer.hello
+            assert hello is not None
+            unheard = max(0, self.links.listed(other) - peer.hello_at) + 2 * self.links.lasts
+            reach = shape.speed * in_seconds(unheard) + 2.0 * shape.radius + HEARD_NEAR_M
+            if hypot(hello.x - pose.x, hello.y - pose.y) < reach:
+                return True
+        return False
+
+    def heard_at(self, now: Instant) -> dict[int, Instant]:
+        """Return when each robot was heard last; one that has promised to stay counts as heard meanwhile."""
+        return {
+            robot: max(peer.hello_at, min(now, peer.stays_until))
+            for robot, peer in self.known.items()
+            if peer.hello is not None
+        }
 
     def driving(self, now: Instant) -> list[Heard]:
         """Return what the others that drive said last."""

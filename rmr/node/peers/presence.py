@@ -103,6 +103,8 @@ class Presence:
     def telemetry(self, now: Instant) -> None:
         """Notice a change that matters to others, as between parked and moving."""
         if self._hellos is not None and self._driver is not None:
+            if self._peers.changes(now):  # a robot has died: no hello tells that
+                self._update_parked(now)
             self._hellos.poll(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
@@ -137,7 +139,9 @@ class Presence:
             driver.stays_until = now + STAYS + STAYS_SPARE
         goal = self._crossings.destinations.current()
         rank = self._crossings.rank
-        hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays)
+        links = self._peers.links
+        listed = b"" if links is None else links.list_of(self._peers.heard_at(now), now)
+        hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays, listed)
         self._radio.transmit(payloads.encode_hello(hello), None)
 
     # -- hearing ----------------------------------------------------------------------------------------------
@@ -202,4 +206,4 @@ class Presence:
         parked = self._peers.parked(now)
         if parked is not self._parked:
             self._parked = parked
-            self._driver.navigator.update_parked(parked)
+            self._driver.navigator.update_parked(parked, self._peers.lost_places(now))

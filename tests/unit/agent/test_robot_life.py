@@ -166,10 +166,10 @@ def live(monkeypatch, scene):
 
     async def play():
         clock, failures = LabClock(), []
-        silent = Outlets(DeafAir(), lambda body: None)
+        silent = Outlets(DeafAir(), lambda body: None, lambda body: None)
         config = node_config(1, known(), PROGRAM, 0)
         station = make_station(config, RADIO)
-        life = Incarnation(config, Loaded(PROGRAM, 1), {}, station, clock, silent, failures.append)
+        life = Incarnation(config, Loaded(PROGRAM, 1, b"code"), {}, station, clock, silent, failures.append)
         try:
             await scene(life, clock, life.node, failures)
         finally:

@@ -187,10 +187,16 @@ MESSAGES = {
         wire.Status, st.sampled_from(wire.STATES), lines, st.booleans(), st.booleans(), instants, reports
     ),
     wire.Stop: st.builds(wire.Stop, lines),
+    wire.Silence: st.builds(wire.Silence, robots, instants),
     wire.AskDisturbances: st.builds(wire.AskDisturbances, st.sampled_from(wire.WISHES), st.none() | disturbances),
     wire.Disturbances: st.builds(
         wire.Disturbances, labs, instants, st.lists(disturbances, **lists).map(tuple), counts, lines
     ),
+    wire.Load: st.builds(wire.Load, st.binary(max_size=50)),
+    wire.LoadOrder: st.builds(
+        wire.LoadOrder, st.binary(max_size=50), st.lists(robots, max_size=3).map(tuple), st.booleans(), st.booleans()
+    ),
+    wire.LoadOutcome: st.builds(wire.LoadOutcome, st.binary(max_size=50), st.sampled_from(["", "it is busy"])),
     wire.Part: st.builds(wire.Part, counts, counts, counts, st.binary(max_size=50)),
 }
 

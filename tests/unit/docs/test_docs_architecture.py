@@ -79,9 +79,11 @@ def bus_keys():
         keys.clock,
         keys.map,
         keys.disturbances,
+        keys.silence,
         keys.truth,
         keys.status("WHO"),
         keys.stop("WHO"),
+        keys.load("ID"),
         keys.alive("ROLE", "ID"),
     }
 

@@ -13,13 +13,13 @@ from rmr.bytecode.conform import LENGTH_MAX, NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.encoder import AGGREGATE, BIND, COMPREHENSION, GUARD, STEPS, TAGS
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
+from rmr.bytecode.layout import FLAG_DEBUG, FLAG_ENSEMBLE, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
 from rmr.bytecode.opcodes import FORMS, Op, Operand
-from rmr.bytecode.program import Kind, Mode, Operator
+from rmr.bytecode.program import Duty, Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
 from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.compiler import compile_source
-from rmr.vm import assertions, derive, goals, machine, match, once, rotor, underway, watches
+from rmr.vm import assertions, derive, goal_ways, goals, machine, match, once, ranks, rotor, underway, watches
 
 PAGE = page("bytecode")
 
@@ -28,7 +28,7 @@ def test_the_header_is_the_one_of_the_code():
     what = {row[0]: row[2] for row in table(PAGE, "offset", "size", "what")}
     assert MAGIC.hex(" ") in what["0"]
     assert what["4"] == f"version: {VERSION}"
-    assert (FLAG_TEXTUAL, FLAG_DEBUG) == (1 << 0, 1 << 1)
+    assert (FLAG_TEXTUAL, FLAG_DEBUG, FLAG_ENSEMBLE) == (1 << 0, 1 << 1, 1 << 2)
     assert f"at most {SIZE_MAX:,}".replace(",", " ") in what["6"]
 
 
@@ -38,13 +38,18 @@ def test_the_tables_are_those_of_the_code():
     ]
 
 
+def test_the_duties_are_those_of_the_code():
+    listed = table(PAGE, "duty", "name", "meaning")
+    assert [row[:2] for row in listed] == [(str(int(duty)), duty.name.lower()) for duty in Duty]
+
+
 def test_the_opcodes_are_those_of_the_code():
     words = {Operand.SMALL: "small", Operand.CONSTANT: "constant"}
     known = []
     for op in Op:
         form = FORMS[op]
         operand = words.get(form.operand, form.operand.name.lower())
-        pops = str(form.pops) if form.pops >= 0 else {Op.CALL: "arity", Op.LIST: "count"}[op]
+        pops = str(form.pops) if form.pops >= 0 else {Op.CALL: "arity", Op.APPLY: "arity", Op.LIST: "count"}[op]
         known.append((f"0x{op:02x}", op.name, operand, pops, str(form.pushes)))
     listed = table(PAGE, "opcode", "instruction", "operand", "pops", "pushes", "does", "no value")
     assert [row[:5] for row in listed] == known
@@ -130,7 +135,8 @@ def test_the_limits_are_those_of_the_code():
         "instructions in an expression": str(limits.INSTRUCTIONS_MAX),
         "conjuncts in a body": str(limits.CONJUNCTS_MAX),
         "items in a head": str(limits.HEAD_MAX),
-        "arguments of a predicate": str(limits.ARGUMENTS_MAX),
+        "functions of the program": str(limits.FUNCTIONS_MAX),
+        "arguments of a predicate or function": str(limits.ARGUMENTS_MAX),
         "effects of an action, on completion or on failure": str(limits.EFFECTS_MAX),
         "actions that serve an assertion": str(limits.SERVING_MAX),
         "lists in lists, in values and types": str(NESTING_MAX),
@@ -148,6 +154,9 @@ def test_what_a_robot_keeps_is_bounded_as_documented():
         "characters and items of the facts' strings and lists": machine.FACTS_LENGTH_MAX,
         "goals that are open": goals.GOALS_MAX,
         "firings of one run": machine.FIRING_BUDGET,
+        "steps of the search for ranks in one run": ranks.RANKING_STEPS,
+        "runs in a row that wait for ranks": ranks.RANKING_RUNS_MAX,
+        "steps and wanted facts of the search": goal_ways.EDGES_MAX,
         "actions of which the end is awaited": underway.ACTIONS_MAX,
         "ordered steps that wait for an action": underway.CHAINS_MAX,
         "jobs that wait for their finish fact": assertions.LIVE_MAX,

@@ -20,8 +20,8 @@ from rmr_deploy import launch
 from rmr_deploy.disturb import record
 from rmr_deploy.fault import command as fault
 from rmr_deploy.lab_run import make_report
-from rmr_deploy.launch import RunOutcome
 from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.up import command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
@@ -125,7 +125,7 @@ def test_the_limits_are_those_of_the_code():
 def test_the_example_of_disturbances_is_a_lab_files():
     text = section(PAGE, "Disturbances of the radio")
     lab = LabFile.model_validate(minimal() | yaml.safe_load(blocks(text, "yaml")[0]))
-    assert (len(lab.radio.links), len(lab.faults)) == (3, 3)
+    assert (len(lab.radio.links), len(lab.faults)) == (3, 4)
 
 
 def test_the_example_of_a_lab_runs_to_its_finish(tmp_path):

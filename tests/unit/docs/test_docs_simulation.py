@@ -7,6 +7,7 @@ from doc_pages import ROOT, blocks, codes, page, section, table
 
 from rmr_sim import chaos
 from rmr_sim.event import Event
+from rmr_sim.hunt import candidates, hunt_names, hunt_search
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulated_robot import FRAMES_MAX, SAMPLES_MAX
 from rmr_world.physics import WATCHDOG
@@ -54,3 +55,27 @@ def test_what_an_event_may_use_is_there():
     assert [name for name in offered if not hasattr(simulation.robots[0], name)] == []
     assert [re.match(r"\w+", codes(row[0])[0])[0] for row in table(PAGE, "of `Event`", "")] == ["Event", "callback"]
     assert hasattr(Event, "callback")
+
+
+def test_every_method_property_and_bound_of_the_hunt_is_documented():
+    hunt = section(PAGE, "The hunt")
+    methods = [code for row in table(hunt, "method", "faults") for code in codes(row[0])]
+    assert sorted(methods) == sorted(hunt_names.METHODS)
+    properties = [codes(row[0])[0] for row in table(hunt, "property", "is broken if")]
+    assert tuple(properties) == hunt_names.PROPERTIES
+    assert f"default: `{','.join(hunt_names.DEFAULT_PROPERTIES)}`" in hunt
+    text = " ".join(hunt.split())
+    assert f"Up to {hunt_search.ROUND_RUNS} *candidates*" in text
+    assert f"A batch of up to {hunt_search.BATCH} runs" in text
+    assert hunt_search.HARMS_MAX == 6  # "longer lists up to six faults"
+    assert "last {:g} to {:g} s".format(*(ms / 1000 for ms in candidates.WINDOW_MS)) in text
+
+
+def test_every_kind_of_hard_chaos_has_a_line_with_its_length():
+    rows = table(section(PAGE, "Faults at random"), "kind", "length")
+    assert len(rows) == len(chaos.HARD_ALONE + chaos.HARD_TOGETHER)
+    spans = [
+        "{:g} to {:g} s".format(*(ms / 1000 for ms in span)) for span in (chaos.HARD_LENGTH_MS, chaos.HARD_RADIO_MS)
+    ]
+    assert [row[1] for row in rows] == [spans[0], spans[1], spans[1], spans[1]]
+    assert (chaos.HARD_MAX, chaos.HARD_FROM_MS_MAX) == (3, 30_000)  # "up to three times", "the first 30 s"

@@ -189,3 +189,51 @@ def test_a_condition_that_acts_on_the_robot_is_replayed_where_it_did(tmp_path):
     run = lab_of(tmp_path, program, CONDITION)
     assert run.finished
     assert "total(@1, 9)" in equal(run).node.machine.facts()
+
+
+CAMERA = """
+from rmr import action
+
+@action("film")
+async def film(robot):
+    robot.insert("seen", 3)
+    await robot.sleep(0.5)
+    robot.withdraw("seen", 3)
+    robot.withdraw("seen", 3)
+    for wrong in (("nothing", 1), ("seen", "three"), ("kept", 1), ("at", "far")):
+        try:
+            robot.withdraw(*wrong)
+        except ValueError as error:
+            robot.say(str(error))
+    await robot.sleep(0.5)
+"""
+
+
+def test_a_handler_withdraws_what_it_has_sensed_and_a_replay_does_so_too(tmp_path):
+    program = """
+    type action film(R: robot) -o over(R).
+    type sensor seen(robot, int).
+    type sensor at(robot, area).
+    type begin(robot).
+    type kept(robot, int).
+    type over(robot).
+    type noted(robot, int).
+    type quiet(robot).
+    begin(R).
+    begin(R) -o film(R).
+    seen(R, N), not noted(R, N) -o noted(R, N).
+    noted(R, N), not seen(R, N) -o quiet(R).
+    """
+    run = lab_of(tmp_path, program, CAMERA)
+    replay = equal(run, trace=TraceLevel.FACTS)
+    entries = replay.node.trace_log
+    [inserted] = [each["t"] for each in entries if each["what"] == "inserted" and each["fact"] == "seen(@1, 3)"]
+    [removed] = [each["t"] for each in entries if each["what"] == "removed" and each["fact"] == "seen(@1, 3)"]
+    assert 0.5 <= removed - inserted < 0.6
+    assert [each["text"] for each in entries if each["what"] == "said"] == [
+        "the program knows no predicate nothing",
+        "argument 2 of seen is 'three', which is no int",
+        "kept is not sensed: its facts cannot be withdrawn",
+        "at is withdrawn by the robot itself, as what it senses changes",
+    ]
+    assert "quiet(@1)" in replay.node.machine.facts()

@@ -55,7 +55,7 @@ class Host:
             lambda _at, _robot, _epoch, data: self.log.append(data),
         )
 
-    def transmit(self, payload, destination, handle):
+    def transmit(self, payload, destination, handle, due):
         """Nobody hears it."""
 
     def receive(self):
@@ -136,7 +136,7 @@ def test_a_fact_that_a_witness_inserts_within_a_call_is_inserted_at_the_same_eve
 def test_an_exception_that_ended_a_call_is_named_if_the_replay_does_not_raise_it():
     host = Host("start(R), peer(R, S) -o hello(S, R).\nstart(@1).")
 
-    def transmit(payload, destination, handle):
+    def transmit(payload, destination, handle, due):
         raise OSError("the radio is gone")
 
     host.transmit = transmit

@@ -119,6 +119,18 @@ def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
     assert not memory.update(seconds(0.1 + MEMORY_S), Pose(0.0, 0.0, math.radians(80)), ())
 
 
+def test_a_body_that_stood_and_did_not_speak_is_remembered_as_long_as_some_robot_is_not_heard():
+    aside, late = Pose(0.0, 0.0, math.radians(80)), seconds(20)
+    for keeps, moves, remembered in ((True, 0.0, 1), (False, 0.0, 0), (True, 0.1, 0)):
+        memory = BodyMemory(RobotShape())
+        memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, moves)])
+        assert len(memory.update(late, aside, (), (), keeps)) == remembered
+    memory = BodyMemory(RobotShape())
+    memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
+    assert memory.update(late, aside, (), (), True)
+    assert not memory.update(late, Pose(0.0, 0.0, 0.0), (), (), True), "it is seen to be gone"
+
+
 def test_a_body_that_crept_is_remembered_where_it_would_be_and_where_it_was_for_it_may_have_stopped():
     memory = BodyMemory(RobotShape())
     memory.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.08, 0.0)])

@@ -1,15 +1,20 @@
 """What is heard is as good as what is seen, and who is silent may be anywhere that it can have reached."""
 
+from collections.abc import Sequence
+
 import pytest
 from bench import safe_speed
 
-from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose
-from rmr.base.time import Instant, in_seconds, milliseconds, seconds
-from rmr.node.motion.hearing import SILENT, SILENT_PARKED, Hearing, ReportedState
+from rmr.base.arena import Arena, RobotShape
+from rmr.base.geometry import STILL, Point, Pose, Twist
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.node.motion.hearing import CUT_OFF, DEAD, SILENT, SILENT_PARKED, Hearing, ReportedState
 from rmr.node.motion.priority import order_key
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
+from rmr.node.peers.link_sensing import CUT_OFF_MAX, LISTED, LinkSensing
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import SeenBody
 
@@ -57,6 +62,13 @@ def test_behind_it_is_where_it_was_heard_if_it_has_driven_off_and_where_it_has_d
 def test_a_robot_that_is_parked_beside_the_way_and_not_seen_is_not_driven_into() -> None:
     assert safe_speed(0.2, hearing(known(0.53, 0.637, parked=True)).around(0, HERE, ())) < 0.05
     assert safe_speed(0.2, hearing(known(0.53, 0.67, parked=True)).around(0, HERE, ())) == 0.2
+
+
+@pytest.mark.parametrize(("gap_m", "shift_m"), [(0.0, 0.0), (0.005, 0.0), (0.025, 0.02), (0.1, 0.02)])
+def test_spare_of_a_parked_robot_ends_where_the_hulls_come_close(gap_m: float, shift_m: float) -> None:
+    away = 2.0 * SHAPE.radius + gap_m
+    (body,) = hearing(known(0.5 + away, 0.5, parked=True)).around(0, Pose(0.5, 0.5, 0.0), ())
+    assert body.x - away == pytest.approx(shift_m, abs=1e-9)
 
 
 def test_who_is_seen_counts_once_and_who_is_far_away_not_at_all() -> None:
@@ -183,3 +195,97 @@ def test_who_sets_out_from_right_beside_may_not_get_away_and_stands_until_it_say
     peers.hello(seconds(4), 2, Hello(0.64, 0.7, 0.0, 0.0, False, 0, None))
     peers.hello(seconds(5), 2, Hello(0.64, 0.7, 0.0, 0.2, False, 0, None))
     assert peers.heard_of(seconds(5), HERE, 0.07)[0].vx > 0.0, "there is room enough"
+
+
+BEHIND = Pose(0.5, 0.5, 0.0)
+
+
+def backs(age: float, away_m: float, *, vx: float = 0.0, parked: bool = False, within_m: float = 0.17) -> bool:
+    """Return whether a robot heard `age` seconds ago, `away_m` behind, may have come near one that backs up by 3 cm."""
+    other = ReportedState(2, 0.5 - away_m, 0.5, vx, 0.0, 0, parked, False)
+    heard = Hearing(SHAPE)
+    heard.update(BEHIND, [other])
+    return heard.may_reach(seconds(1) * round(age * 100) // 100, BEHIND, 0.03, within_m)
+
+
+def test_one_that_stood_behind_may_have_driven_up_since_it_was_heard() -> None:
+    assert not backs(0.0, 0.225)
+    assert not backs(0.2, 0.225)
+    assert backs(0.47, 0.225)
+
+
+def test_one_that_drove_behind_may_have_come_nearer_sooner() -> None:
+    assert not backs(0.1, 0.225, vx=0.2)
+    assert backs(0.15, 0.225, vx=0.2)
+
+
+def test_a_parked_one_behind_and_one_ahead_do_not_forbid_to_back_up() -> None:
+    assert not backs(2.0, 0.225, parked=True)
+    assert not backs(2.0, -0.225)
+
+
+def test_a_robot_that_others_presume_dead_stands() -> None:
+    made = hearing()
+    made.cut_off = True
+    assert made.forbids(0, HERE, ()) == CUT_OFF
+    made.heeds &= ~CUT_OFF
+    assert made.forbids(0, HERE, ()) == 0
+
+
+def listing(roster: Sequence[int], by: int, heard: Sequence[int], at: Instant) -> bytes:
+    return LinkSensing(by, roster).list_of(dict.fromkeys(heard, at), at)
+
+
+def presumed(listed_at: Instant | None) -> tuple[Peers, Instant]:
+    """Return robot 1's peers, and when they count robot 2 as dead: heard at 0 s only, and listed up to `listed_at`."""
+    roster = (1, 2, 3)
+    peers = Peers(LinkSensing(1, roster))
+    for robot in (2, 3):
+        peers.heard(0, robot, -50.0)
+        peers.hello(0, robot, Hello(0.5 + 0.1 * robot, 0.5, 0.0, 0.2, False, 0, None))
+    for at in range(0, seconds(70), seconds(1)):
+        heard = [1, 2] if listed_at is not None and at <= listed_at else [1]
+        peers.heard(at, 3, -50.0)
+        peers.hello(at, 3, Hello(0.8, 0.5, 0.0, 0.0, True, 0, None, listed=listing(roster, 3, heard, at)))
+        if 2 in peers.lost(at):
+            break
+    return peers, at
+
+
+@pytest.mark.parametrize(
+    ("listed_at", "dead_after"),
+    [(None, DEAD), (seconds(20), seconds(20) - LISTED + DEAD), (seconds(70), CUT_OFF_MAX)],
+    ids=["heard by nobody", "listed by another robot for 20 s", "listed for ever, never heard"],
+)
+def test_a_robot_is_presumed_dead_15_s_after_anybody_has_surely_heard_it(
+    listed_at: Instant | None, dead_after: Duration
+) -> None:
+    peers, last = presumed(listed_at)
+    assert dead_after < last <= dead_after + seconds(1)
+    assert peers.lost(last)[2].silent_since == 0
+
+
+def test_near_a_dead_robot_that_may_have_driven_on_a_robot_drives_by_sight() -> None:
+    peers, now = presumed(None)
+    assert peers.hides(now, Pose(0.5, 0.5, 0.0), SHAPE, (1, 2, 3), 1)
+    assert not peers.hides(now, Pose(5.0, 0.5, 0.0), SHAPE, (1, 2, 3), 1)
+    assert peers.hides(now, Pose(5.0, 0.5, 0.0), SHAPE, (1, 2, 3, 4), 1), "robot 4 may be anywhere"
+
+
+def by_sight(*, sees_all: bool) -> SpeedControl:
+    control = SpeedControl(Arena(2.0, 2.0, 0.05), 3, RuleSwitches())
+    control.hearing.by_sight = not sees_all
+    control.perceive(0, Pose(1.0, 1.0, 0.0), ())
+    return control
+
+
+def test_by_sight_a_robot_turns_on_the_spot_and_drives_straight_on() -> None:
+    arc = Twist(0.2, 1.0)
+    assert by_sight(sees_all=True).slowed(arc) == arc
+    assert by_sight(sees_all=False).slowed(arc) == Twist(0.0, 1.0)
+    assert by_sight(sees_all=False).slowed(Twist(0.2, 0.3)) == Twist(0.2, 0.3)
+
+
+def test_by_sight_a_robot_does_not_back_up() -> None:
+    assert by_sight(sees_all=True).reverse().v < 0.0
+    assert by_sight(sees_all=False).reverse() == STILL

@@ -7,7 +7,7 @@ from typing import Any
 
 from rmr.base.arena import NOWHERE
 from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
-from rmr.base.time import Instant, milliseconds, seconds
+from rmr.base.time import NEVER, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.program import Kind, Program
@@ -38,7 +38,7 @@ class _Robot:
         self.node = node_of(Ports(self, None, **ports))
         self.alarm = Alarm(flock.kernel, ROBOT, self.tick)
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: int = NEVER) -> None:
         targets = [destination] if destination is not None else [r for r in self.flock.robots if r != self.robot]
         now = self.flock.kernel.now
         for target in targets:

@@ -96,6 +96,20 @@ def test_stop_does_not_wait_and_fails_what_was_driving():
     assert node.halts >= 1
 
 
+@pytest.mark.parametrize("place", ["running", "queue", "held"])
+def test_a_cancelled_action_ends_wherever_it_waits(place):
+    node = FakeNode(a=wheels("a"), b=wheels("b"))
+    if place == "queue":
+        node.derive("b", 1.0)
+    node.derive("a", 100.0, permit=Permit() if place == "held" else None)
+    assert node.running in getattr(node.dispatcher, place)
+    node.dispatcher.cancel(node.now, node.running.serial)
+    node.dispatcher.cancel(node.now, node.running.serial)
+    assert node.ended == [("a", "cancelled")]
+    node.step(1.0)
+    assert node.dispatcher.idle
+
+
 def test_an_action_waits_for_its_turn_without_keeping_others_from_the_wheels():
     node = FakeNode(a=wheels("a"), b=wheels("b"))
     permit = Permit()

@@ -95,6 +95,8 @@ def test_each_phase_ends_by_the_robots_own_events_as_the_table_says():
                     one.renew(0, job(), None)
                 case OwnEvent.JOB_OVER:
                     one.finish()
+                case OwnEvent.ACTION_FAILED:
+                    one.fail()
                 case OwnEvent.CLEARED:
                     one.plan = CrossingPlan(gated=True)
                     one.step(0, Situation(cleared=True))

@@ -12,6 +12,7 @@ from rmr.base.time import seconds
 from rmr.base.values import Robot
 from rmr.node import payloads
 from rmr.node.logic.exchange import TIME_TO_LIVE, Outcome
+from rmr.node.logic.inbound import UNORDERED
 from rmr.node.payloads import Delivery, DeliveryRole, PayloadKind
 from rmr.node.ports import Received
 
@@ -35,7 +36,7 @@ def errand(executor: str = "@2", **options: object) -> Flock:
     return Flock(ERRAND.format(executor=executor), **options)  # type: ignore[arg-type]
 
 
-def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: int = 900) -> None:
+def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: int = UNORDERED + 900) -> None:
     """Let `robot` hear a delivery as if `source` had sent it."""
     node = flock.node(robot)
     body = payloads.encode_delivery(delivery, {})

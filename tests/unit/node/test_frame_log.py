@@ -1,5 +1,7 @@
 """The log of a robot's transmissions: requests, attempts and outcomes put together."""
 
+import json
+
 from rmr.node.frame_log import FrameLog
 from rmr.node.payloads import PayloadKind
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed
@@ -18,7 +20,7 @@ def sent(sequence: int, start: int, *, destination: int = 2, attempt: int = 0) -
 def logged(steps) -> list[dict]:
     """Return the frames that are written while `steps` are taken with a log."""
     found: list[dict] = []
-    log = FrameLog(1, lambda _at, make: found.append(make()))
+    log = FrameLog(1, lambda _at, make: found.append(json.loads(make())))
     steps(log)
     return found
 

@@ -31,7 +31,7 @@ class Silence:
 
     payload_max = PAYLOAD_OCTETS_MAX
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: int = NEVER) -> None:
         raise AssertionError("a robot that has nothing to say has said something")
 
     def receive(self) -> list:

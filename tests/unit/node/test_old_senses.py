@@ -9,7 +9,7 @@ import pytest
 
 from rmr.base.arena import NOWHERE
 from rmr.base.geometry import Pose, Twist
-from rmr.base.time import Duration, Instant, milliseconds, tick_start
+from rmr.base.time import NEVER, Duration, Instant, milliseconds, tick_start
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
 from rmr.node.driver import STALE, UNWATCHED, Driver
@@ -119,7 +119,7 @@ class Ear:
     def __init__(self) -> None:
         self.received: list[Received] = []
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: int = NEVER) -> None:
         raise AssertionError("a robot without a body has no place to tell")
 
     def receive(self) -> list[Received]:

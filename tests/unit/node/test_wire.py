@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from rmr.base.values import Value
 from rmr.node import payloads
 from rmr.node.payloads import Delivery, DeliveryRole, Hello, WireError
+from rmr.radio.frame import FCS_OCTETS, HEADER_OCTETS
+from rmr.radio.phy import airtime
 
 SYMBOLS = ("entry", "exit")
 INDEX = {name: i for i, name in enumerate(SYMBOLS)}
@@ -50,17 +52,37 @@ def test_a_failure_names_its_assertion_or_none(assertion, told):
 
 
 @given(
-    st.floats(-300, 300), st.floats(-300, 300), st.floats(0, 6.28), st.booleans(), st.integers(0, 255), st.booleans()
+    st.floats(-300, 300),
+    st.floats(-300, 300),
+    st.floats(0, 6.28),
+    st.booleans(),
+    st.integers(0, 255),
+    st.booleans(),
+    st.binary(max_size=payloads.HELLO_LIST_OCTETS_MAX),
 )
-def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, going):
+def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, going, listed):
     stays = parked and not going
-    hello = Hello(x, y, theta, -0.2, parked, rank, (y, x) if going else None, rank * 257, stays)
+    hello = Hello(x, y, theta, -0.2, parked, rank, (y, x) if going else None, rank * 257, stays, listed)
     back = payloads.decode_hello(payloads.encode_hello(hello))
     assert back.x == pytest.approx(x, abs=0.0051)
     assert back.y == pytest.approx(y, abs=0.0051)
     assert back.v == -0.2
-    assert (back.parked, back.rank, back.digest, back.stays) == (parked, rank, rank * 257, stays)
+    assert (back.parked, back.rank, back.digest, back.stays, back.listed) == (parked, rank, rank * 257, stays, listed)
     assert (back.goal is None) is not going
+
+
+def test_a_hello_whose_list_is_too_long_is_no_hello():
+    hello = payloads.encode_hello(Hello(0.0, 0.0, 0.0, 0.0, True, 0, None))
+    with pytest.raises(WireError, match="a list of 7 octets"):
+        payloads.decode_hello(hello + bytes(7))
+
+
+def test_the_list_adds_no_more_than_a_fifth_to_the_airtime_of_a_hello():
+    hello = Hello(0.0, 0.0, 0.0, 0.0, True, 0, None)
+    mac = HEADER_OCTETS + FCS_OCTETS
+    bare = airtime(mac + len(payloads.encode_hello(hello)))
+    longest = hello._replace(listed=bytes(payloads.HELLO_LIST_OCTETS_MAX))
+    assert airtime(mac + len(payloads.encode_hello(longest))) <= 1.2 * bare
 
 
 def test_every_payload_fits_one_frame():

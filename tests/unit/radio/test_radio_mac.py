@@ -7,7 +7,9 @@ from radio_ether import US
 
 from rmr.base.time import NEVER
 from rmr.radio.air import Confirmed
+from rmr.radio.frame import DataFrame, decode
 from rmr.radio.mac import QUEUE_MAX, Mac, State, Transmission
+from rmr.radio.security import Level, Security
 
 
 class Fixed(Random):
@@ -48,6 +50,40 @@ def test_on_an_idle_channel_the_first_symbol_leaves_after_one_of_eight_times() -
         send(machine)
         seen.add(transmit(machine).start // US)
     assert sorted(seen) == [320, 640, 960, 1280, 1600, 1920, 2240, 2560]
+
+
+def sent_order(machine: Mac, count: int) -> list[int]:
+    """The handles of the next requests, in the order in which they are over."""
+    over = []
+    while len(over) < count:
+        out = machine.fire(busy=False)
+        if isinstance(out, Confirmed):
+            over.append(out.handle)
+    return over
+
+
+def test_requests_with_a_deadline_are_sent_earliest_deadline_first_and_others_keep_their_places() -> None:
+    machine = mac()
+    for handle, due in enumerate([9, 5, NEVER, 7, 5, NEVER, 1, 9]):
+        assert machine.request(0, b"x", None, handle, due)
+    # The first is under way already. Deadlines 5, -, 7, 5, -, 1, 9 become 1, -, 5, 5, -, 7, 9.
+    assert sent_order(machine, 8) == [0, 6, 2, 1, 4, 5, 3, 7]
+
+
+def test_reordered_requests_are_secured_in_the_order_in_which_they_are_sent() -> None:
+    ours = Security(Level.ENC_MIC_32, bytes(16), 7)
+    theirs = Security(Level.ENC_MIC_32, bytes(16), 8)
+    machine = Mac(7, 1, Random(3), security=ours)
+    for handle, due in enumerate([9, 5, 1]):
+        assert machine.request(0, bytes([handle]), None, handle, due)
+    payloads = []
+    while len(payloads) < 3:
+        out = machine.fire(busy=False)
+        if isinstance(out, Transmission):
+            frame = decode(out.psdu)
+            assert isinstance(frame, DataFrame)
+            payloads.append(theirs.open(frame).payload)
+    assert payloads == [b"\0", b"\2", b"\1"], "none is refused as replayed"
 
 
 def test_five_busy_channels_in_a_row_are_an_access_failure_at_37_44_ms_at_the_latest() -> None:

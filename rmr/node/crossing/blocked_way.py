@@ -1,0 +1,54 @@
+"""Ways that the dead bar: whether a robot that has been silent for long stands in the only way to a goal.
+
+A robot that never comes back never leaves. Where it stands in the only passage, those behind it are told so at once,
+and need not wait for living robots to make room. Whether there is a way is decided by the planner of the robots, with
+the dead as the only obstacles besides those of the floor.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Final
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import in_seconds
+from rmr.node.crossing.resource import OFF_ROUTE_M, entry_route, located
+from rmr.node.motion.astar import plan
+from rmr.node.motion.obstruction import obstruction
+from rmr.node.peers.perception import LostRobot
+
+PLACE_M: Final = 0.01
+"""Raster of the places from which a way is looked for, so that a robot that stands is looked after once."""
+
+
+def barring(arena: Arena, start: Point, goal: Point, lost: Mapping[int, LostRobot]) -> tuple[int, ...]:
+    """Return those of the `lost` robots that bar every way from `start` to `goal`; none if there is a way."""
+    if not lost:
+        return ()
+    from_ = Point(round(start.x / PLACE_M) * PLACE_M, round(start.y / PLACE_M) * PLACE_M)
+    return _barring(arena, from_, goal, tuple((robot, body.place) for robot, body in lost.items()))
+
+
+@lru_cache(maxsize=256)
+def _barring(arena: Arena, start: Point, goal: Point, lost: tuple[tuple[int, Point], ...]) -> tuple[int, ...]:
+    if plan(arena, start, goal, [place for _, place in lost]) is not None:
+        return ()
+    return obstruction(arena, start, goal, dict(lost)).robots
+
+
+def blocked_words(arena: Arena, goal: Point, robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
+    """Return a sentence on the `robots` that bar the way to `goal`, without a full stop."""
+    within = any(_in_bottleneck(arena, goal, lost[robot].place) for robot in robots)
+    since_s = {robot: in_seconds(lost[robot].silent_since) for robot in robots}
+    names = [f"robot {robot}, which has been silent since {since_s[robot]:.1f} s" for robot in robots]
+    return f"the {'bottleneck' if within else 'way'} is blocked by {', and by '.join(names)}"
+
+
+def _in_bottleneck(arena: Arena, goal: Point, place: Point) -> bool:
+    """Return whether a body at `place` is in the narrow section on the way to `goal`, or before one of its ends."""
+    entry = entry_route(arena, goal)
+    if entry is None:
+        return False
+    s, off_m = located(entry.route, Pose(place.x, place.y, 0.0))
+    reach_m = 2.0 * arena.shape.radius
+    return off_m < OFF_ROUTE_M and entry.entrance_m - reach_m < s < entry.route.clear_m + reach_m

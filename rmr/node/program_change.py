@@ -1,0 +1,91 @@
+"""A robot's change to another program, in the same life: what of its parts is kept, and what ends.
+
+A node is made of parts that know its program's numbers. For a change all of them are made anew, and take over from
+their predecessors what means the same under both programs (`rmr.bytecode.program_pair`):
+
+    kept       where the robot is, its place, the positions of the others, facts from its senses, the report's counters
+    carried    facts, goals, jobs and watches, actions under way with their chains, deliveries under way and held back
+    ended      what of those the new program has not, and what belongs to a schedule: groups, slots, crossings
+    forgotten  deadlines inherited from deliveries that have arrived, candidate matches, waits of coordination
+
+docs/load.md has the whole list. An action that is carried begins again: its handler is broken off and called anew.
+"""
+
+from dataclasses import dataclass, field
+
+from rmr.base.time import Instant
+from rmr.bytecode.program_pair import ProgramPair
+from rmr.node.actions.dispatcher import NEW_PROGRAM, Dispatcher
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.executive import Executive
+from rmr.node.logic.delivery_change import change_deliveries
+from rmr.node.logic.machine_runner import MachineRunner
+from rmr.node.messenger import Messenger, Transmitter
+from rmr.node.robot_state import RobotState
+from rmr.node.services import RobotServices
+from rmr.vm.carrying import Carried, carry_over
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramChanged:
+    """A robot has changed its program; an event for checkers."""
+
+    digest: int
+    """Of the new program, 32 bits."""
+    carried: Carried
+    deliveries_ended: list[str] = field(default_factory=list)
+
+    def ended(self) -> list[str]:
+        """Return what has ended, in words."""
+        return [*self.carried.ended(), *(f"delivery {text}" for text in self.deliveries_ended)]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeParts:
+    """The parts of a node that know its program."""
+
+    state: RobotState
+    radio: Transmitter
+    services: RobotServices
+    crossings: Crossings
+    actions: Dispatcher
+    messenger: Messenger
+    runner: MachineRunner
+    executive: Executive
+
+    def settle(self, now: Instant) -> None:
+        """Let happen what has been reported, and break off the actions."""
+        self.state.now = now
+        self.runner.settle(now)
+        self.messenger.flush(now)
+        self.runner.settle(now)
+        for running in self.actions.break_off():
+            text = running.text(self.state.robot)
+            self.services.action_log.end(now, text, NEW_PROGRAM, handled=True)
+            self.state.trace(now, "action_ended", action=text, failure=NEW_PROGRAM)
+
+
+def take_over(now: Instant, old: NodeParts, new: NodeParts, digest: int) -> ProgramChanged:
+    """Let the parts `new`, which have not been started, go on with what those of another program have left."""
+    pair = ProgramPair(old.state.program, new.state.program)
+    new.state.now = now
+    new.radio.follow(old.radio)
+    new.executive.follow(old.executive)
+    new.services.take_over(old.services)
+    new.runner.follow(old.runner)
+    new.messenger.malformed = old.messenger.malformed
+    deliveries = new.messenger.deliveries
+    ended = change_deliveries(now, old.messenger.deliveries, deliveries, pair, digest)
+    new.messenger.exchange = deliveries.exchange
+    deliveries.exchange.tell = new.state.tell
+    carried = carry_over(now, old.state.machine, new.state.machine, pair)
+    new.state.senses.take_over(now, old.state.senses)
+    for job in carried.jobs:
+        new.crossings.started(now, job)
+    changed = ProgramChanged(digest, carried, ended)
+    new.state.trace(now, "program", digest=f"{digest:08x}", facts=carried.facts, ended=changed.ended())
+    new.state.tell(changed)
+    new.runner.settle(now)
+    new.messenger.flush(now)
+    new.state.mark_dirty()
+    return changed

@@ -1,0 +1,194 @@
+"""The folder of a durable robot: whose it is, who has it, and what of it can be read."""
+
+import errno
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from rmr.base.arena import NOWHERE
+from rmr.bytecode.program import Program
+from rmr.mind import mind_versions
+from rmr.mind.journal import Journal, read_journal
+from rmr.node.config import NodeConfig
+from rmr_agent import state_folder
+from rmr_agent.bytecode import Loaded
+from rmr_agent.state_folder import StateFolder, StateFullError, StateRefusedError, begun_header
+
+LOADED = Loaded(Program(()), 7, b"program")
+CONFIG = NodeConfig(4, (4, 5), NOWHERE, 1)
+
+
+def header(robot=4, run=99, lab="bench"):
+    return begun_header(replace(CONFIG, robot=robot), LOADED, {}, 116, lab, run)
+
+
+def begun_journal(folder):
+    return folder.taken_up(header(), CONFIG)[1].journal
+
+
+def begun(path, records=()):
+    """Let robot 4 begin in `path` and write `records`; leave the folder."""
+    folder = StateFolder(path, 4, 7, "process")
+    journal = begun_journal(folder)
+    for record in records:
+        journal.calls(0, record)
+    folder.close()
+
+
+def test_a_new_folder_is_made_and_its_journal_begins_with_the_header(tmp_path):
+    path = tmp_path / "a" / "b"
+    folder = StateFolder(path, 4, 7, "process")
+    assert folder.header is None
+    assert not (path / "journal").exists(), "a robot that is refused by its world leaves no state"
+    assert folder.taken_up(header(), CONFIG)[1].stored == []
+    folder.close()
+    again = StateFolder(path, 4, 7, "process")
+    assert again.header == header()
+    assert again.config == NodeConfig(4, {4: None, 5: None}, NOWHERE, 1)
+    assert len(again.taken_up(header(), CONFIG)[1].stored) == 1
+    again.close()
+
+
+def test_records_are_there_again_and_a_torn_one_is_dropped_with_a_word(tmp_path):
+    begun(tmp_path, [b"one", b"two"])
+    file = tmp_path / "journal"
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-2])
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    assert "the last 18 octets are no whole record and are dropped; the robot died while" in folder.dropped
+    state = folder.taken_up(header(), CONFIG)[1]
+    assert [each.octets for each in state.stored[1:]] == [b"one"]
+    state.journal.calls(0, b"two")
+    folder.close()
+    assert file.read_bytes() == whole
+    folder = StateFolder(tmp_path, 4, 7, "power")
+    assert folder.dropped == ""
+    folder.close()
+
+
+def test_a_journal_damaged_in_the_middle_is_told_as_such(tmp_path):
+    begun(tmp_path, [b"one", b"two"])
+    file = tmp_path / "journal"
+    damaged = bytearray(file.read_bytes())
+    damaged[-25] ^= 1
+    file.write_bytes(damaged)
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    assert "octets are no whole record and are dropped; the file is damaged there" in folder.dropped
+    assert len(folder.found.records) == 1
+    folder.close()
+
+
+@pytest.mark.parametrize(
+    ("robot", "program", "why"),
+    [
+        (5, 7, "it holds the state of robot 4, not 5"),
+        (4, 8, "it holds the state of another program (digest 00000007, this one has 00000008)"),
+    ],
+)
+def test_the_state_of_another_robot_or_program_is_refused(tmp_path, robot, program, why):
+    begun(tmp_path)
+    with pytest.raises(StateRefusedError, match=re.escape(f"--state {tmp_path}: {why}; begin anew with an empty")):
+        StateFolder(tmp_path, robot, program, "process")
+
+
+def test_the_state_of_another_version_is_refused(tmp_path, monkeypatch):
+    begun(tmp_path)
+    here = mind_versions.versions() | {"sources": "0123"}
+    monkeypatch.setattr(mind_versions, "versions", lambda: here)
+    with pytest.raises(StateRefusedError, match=r"written by another version: sources of rmr .*, here 0123"):
+        StateFolder(tmp_path, 4, 7, "process")
+
+
+def test_the_state_of_another_lab_or_run_is_refused(tmp_path):
+    begun(tmp_path)
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    with pytest.raises(StateRefusedError, match="of a robot of lab bench, not other"):
+        folder.taken_up(header(lab="other"), CONFIG)
+    with pytest.raises(StateRefusedError, match="of an earlier run of lab bench"):
+        folder.taken_up(header(run=100), CONFIG)
+    folder.close()
+
+
+def test_a_journal_damaged_at_its_beginning_is_refused_at_every_octet(tmp_path):
+    begun(tmp_path)
+    file = tmp_path / "journal"
+    whole = file.read_bytes()
+    for place in range(0, len(whole), 7):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x41
+        file.write_bytes(damaged)
+        with pytest.raises(StateRefusedError, match="damaged at the beginning"):
+            StateFolder(tmp_path, 4, 7, "process")
+
+
+def test_a_second_process_is_kept_out_until_the_first_has_ended(tmp_path):
+    holder = subprocess.Popen(
+        [sys.executable, "-c", _HOLD, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(
+            StateRefusedError, match=rf"another robot's process uses the folder \(process {holder.pid}\)"
+        ):
+            StateFolder(tmp_path, 4, 7, "process")
+    finally:
+        holder.kill()
+        holder.communicate()
+    StateFolder(tmp_path, 4, 7, "process").close()
+
+
+_HOLD = """
+import sys
+from pathlib import Path
+from rmr_agent.state_folder import StateFolder
+folder = StateFolder(Path(sys.argv[1]), 4, 7, "process")
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StateRefusedError, match=r"Not a directory|File exists"):
+        StateFolder(tmp_path / "file", 4, 7, "process")
+
+
+def test_a_full_disk_is_told_with_the_file_and_the_reason(tmp_path, monkeypatch):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+
+    def full(descriptor, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(state_folder.os, "write", full)
+    with pytest.raises(StateFullError) as told:
+        journal.calls(0, b"x")
+    assert str(told.value).startswith(f"the robot's state cannot be written to {tmp_path / 'journal'}: No space left")
+    folder.close()
+
+
+def test_a_short_write_counts_as_a_full_disk_and_leaves_a_torn_record(tmp_path, monkeypatch):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+    write = os.write
+    monkeypatch.setattr(state_folder.os, "write", lambda descriptor, data: write(descriptor, data[:5]))
+    with pytest.raises(StateFullError):
+        journal.calls(0, b"x")
+    folder.close()
+    found = read_journal((tmp_path / "journal").read_bytes())
+    assert (len(found.records), found.dropped) == (1, 5)
+
+
+def test_power_syncs_each_record(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(state_folder.os, "fdatasync", synced.append)
+    folder = StateFolder(tmp_path, 4, 7, "power")
+    journal: Journal = begun_journal(folder)
+    journal.calls(0, b"x")
+    assert len(synced) == 2
+    assert replace(header(), run=1) != folder.header
+    folder.close()
