@@ -6,6 +6,7 @@ from rmr.lang.read.table_maker import parser_of
 GRAMMAR = parser_of(grammar_text())
 
 WORDS = {
+    "EXTREME": ["min", "max"],
     "NAME": ["p", "o", "online", "count", "moveto_the_farthest_place_of_all"],
     "VARIABLE": ["R", "_", "O", "_Left", "TheDistanceThatIsLeft"],
     "INT": ["1"],
@@ -24,9 +25,13 @@ def productions():
     """Return the right sides of each rule, the briefest first, and the words themselves."""
     rules = {}
     for rule in GRAMMAR.rules:
-        rules.setdefault(str(rule.origin.name), []).append([str(symbol.name) for symbol in rule.expansion])
-    brief = {terminal.name: 1 for terminal in GRAMMAR.terminals}
-    while len(brief) < len(GRAMMAR.terminals) + len(rules):
+        origin = str(rule.origin.name)
+        side = [str(symbol.name) for symbol in rule.expansion]
+        if origin == "parameter":  # the tree builder accepts two names only before a type
+            side = ["EXTREME" if symbol == "NAME" else symbol for symbol in side]
+        rules.setdefault(origin, []).append(side)
+    brief = dict.fromkeys([*WORDS, *(terminal.name for terminal in GRAMMAR.terminals)], 1)
+    while not brief.keys() >= rules.keys():
         for name, sides in rules.items():
             known = [1 + sum(brief[symbol] for symbol in side) for side in sides if all(each in brief for each in side)]
             if known and name not in brief:

@@ -76,7 +76,7 @@ def test_columns_do_what_machines_do(seed: int) -> None:
 
 
 def test_the_drawn_programs_do_something() -> None:
-    programs = [each[1] for each in map(qualifying, range(120)) if each is not None]
+    programs = [each[1] for each in map(qualifying, range(150)) if each is not None]
     runs = [compare(seed, program) for seed, program in enumerate(programs)]
     assert len(programs) > 60
     assert sum(run.columns.firings.max() > 5 for run in runs) > 25

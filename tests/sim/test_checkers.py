@@ -14,6 +14,7 @@ from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.timing import EXCLUSIVE, Timing
 from rmr.node.logic.exchange import Exchange
+from rmr.node.logic.inbound import Inbound
 from rmr.node.ports import Spoken
 from rmr.radio.links import Disturbance
 from rmr.vm import assertions
@@ -372,7 +373,8 @@ def deaf_until_s(monkeypatch, until_s):
 
 def test_fact_accepted_twice_is_reported(tmp_path, monkeypatch):
     deaf_until_s(monkeypatch, 0.5)
-    monkeypatch.setattr(Exchange, "_is_repeat", lambda *_: False)
+    monkeypatch.setattr(Inbound, "has", lambda *_: False)
+    monkeypatch.setattr(Inbound, "passed", lambda *_: False)
     simulation = greeting(tmp_path)
     simulation.run()
     assert ("delivery", (1, 2), "robot 2 accepted the same message of robot 1 twice") in found(simulation)
@@ -391,7 +393,7 @@ def keep_all_but_accepted(exchange, tell):
 
 
 def test_fact_lost_in_transit_without_a_record_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr(Exchange, "_transmit", lambda self, now, outgoing: None)
+    monkeypatch.setattr(Exchange, "_transmit", lambda self, now, outgoing, due: None)
     simulation = greeting(tmp_path, duration="61s")
     simulation.run()
     words = "what robot 1 sent robot 2 is neither delivered nor reported undelivered"

@@ -16,7 +16,14 @@ from rmr_sim.run_setup import Options, load
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)
 """The area `north` of the lab aisles."""
-FILES = ["aisles/lab.yaml", "aisles/through.yaml", "charging/lab.yaml", "crossing/lab.yaml"]
+TIER = {
+    "aisles/lab.yaml": pytest.mark.medium,
+    "aisles/through.yaml": pytest.mark.slow,
+    "charging/lab.yaml": pytest.mark.slow,
+    "crossing/lab.yaml": pytest.mark.medium,
+}
+"""The labs; a run of each is shared by the tests of one tier."""
+FILES = list(TIER)
 
 
 @cache
@@ -48,8 +55,7 @@ def test_an_example_lab_is_judged_without_a_warning(file):
     assert load(LABS / file, Options()).warnings == ()
 
 
-@pytest.mark.medium
-@pytest.mark.parametrize("file", FILES)
+@pytest.mark.parametrize("file", [pytest.param(file, marks=TIER[file]) for file in FILES])
 def test_an_example_lab_finishes_without_contact(file):
     simulation, finished = ran(file, 1)
     assert finished
@@ -72,7 +78,7 @@ def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
         assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_before_it_asks_for_a_turn():
     lab = LABS / "aisles"
     simulation = load(lab / "lab.yaml", Options(actions=lab / "actions.py")).simulation(1, TraceLevel.FACTS)
@@ -103,7 +109,7 @@ def test_both_aisles_are_in_use_at_one_time():
     assert south[0] < north[1]
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_turns_of_an_aisle_that_is_no_bottleneck_do_not_overlap():
     simulation, _ = ran("aisles/through.yaml", 1)
     turns = turns_of(simulation, "through(south)")
@@ -111,7 +117,7 @@ def test_turns_of_an_aisle_that_is_no_bottleneck_do_not_overlap():
     assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_each_charging_place_has_one_robot_at_a_time():
     simulation, _ = ran("charging/lab.yaml", 1)
     for place in ("west", "east"):

@@ -12,8 +12,6 @@ import pytest
 from rmr_sim.run_setup import prepare, report_of
 from rmr_world.fact_syntax import parse_fact
 
-pytestmark = pytest.mark.medium
-
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 BOUND_FACTOR = {"corridor": 2.0, "testbed": 1.7}
 
@@ -75,6 +73,7 @@ def test_robots_line_up_in_their_turn_before_they_pass():
         assert set(names[:-1]) == {"lineup"}
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_octets_whatever_the_hash_seed(tmp_path):
     octets = []
     for hash_seed in ("1", "2"):

@@ -112,6 +112,23 @@ def test_the_summary_says_that_actions_failed_though_the_run_finishes(tmp_path, 
     assert "(actions.py:6)" in err
 
 
+@pytest.mark.parametrize(("otherwise", "code"), [("", 1), (" else done(R)", 0)])
+def test_an_action_of_ones_own_that_fails_without_an_else_fails_the_run(tmp_path, capsys, otherwise, code):
+    program = f"""
+    type action try(R: robot, N: int) -o tried(R){otherwise}.
+    type action wait(R: robot, S: float) -o waited(R).
+    go(R).
+    go(R) -o try(R, 2), wait(R, -1.0), done(R).
+    """
+    small_lab(tmp_path, program, actions=FAILS, finish="done(R)")
+    arguments = [str(tmp_path), "--actions", str(tmp_path / "actions.py")]
+    assert main([*arguments, "--run", str(tmp_path / "run")]) == code
+    told = "1 of the failed actions have no `else` in the program, so the run has failed"
+    assert (told in capsys.readouterr().err) == (code == 1)
+    assert main([*arguments, "--seeds", "1-2", "--jobs", "1", "--run", str(tmp_path / "sweep")]) == code
+    assert ("actions that failed without an `else`: 1" in capsys.readouterr().out) == (code == 1)
+
+
 def test_the_report_says_how_many_actions_goals_and_jobs_it_leaves_out(tmp_path):
     count = ACTIONS_MAX + 300
     simulation = small_lab(

@@ -14,7 +14,7 @@ from lab_maker import small_lab
 from rmr.base.time import seconds
 from rmr.radio.links import Disturbance
 from rmr_sim.chaos import HEAL_MS, with_chaos
-from rmr_world.faults import fault_lines
+from rmr_world.faults import fault_entries, fault_lines
 from rmr_world.lab import Kill, Outage, Restart, Slow, Stall
 from rmr_world.lab_file import load_lab
 
@@ -126,6 +126,44 @@ def test_robots_killed_by_the_lab_file_are_not_killed_at_random():
     fated = replace(calm(), faults=(Kill(seconds(1), 2), Restart(seconds(2), 2)))
     for seed in range(40):
         assert sum(isinstance(fault, Kill) and fault.robot == 2 for fault in with_chaos(fated, seed).faults) == 1
+
+
+@cache
+def harder(seed):
+    """Return the test-bed's lab with the faults of hard chaos of `seed`."""
+    return with_chaos(calm(), seed, hard=True)
+
+
+def test_hard_chaos_adds_faults_to_those_that_the_same_seed_draws_without_it():
+    for seed in SEEDS:
+        assert set(chaotic(seed).faults) <= set(harder(seed).faults)
+        assert set(chaotic(seed).disturbances) <= set(harder(seed).disturbances)
+        added = len(harder(seed).faults) + len(harder(seed).disturbances) - len(drawn(seed))
+        assert 1 <= added <= 12
+
+
+def test_hard_chaos_draws_long_stalls_and_partitions_and_robots_mute_and_deaf():
+    stalls = [fault for seed in SEEDS for fault in harder(seed).faults if isinstance(fault, Stall)]
+    lengths = [fault.end - fault.start for fault in stalls]
+    assert seconds(30) < max(lengths) <= seconds(60)
+    entries = [entry for seed in SEEDS for entry in fault_entries(harder(seed))]
+    for kind in ("mute", "deaf", "partition"):
+        spans = [entry["to"] - entry["from"] for entry in entries if kind in entry]
+        assert 20.0 < max(spans) <= 30.0
+
+
+def test_the_second_phase_begins_when_all_faults_of_hard_chaos_are_over():
+    for seed in SEEDS:
+        lab = harder(seed)
+        heal = lab.duration - calm().duration
+        assert max(over(fault) for fault in [*lab.faults, *lab.disturbances]) <= heal
+        assert [disturbance.check() for disturbance in lab.disturbances] == list(lab.disturbances)
+
+
+def test_drawn_faults_of_hard_chaos_can_be_written_into_a_lab_file(tmp_path):
+    text = (LABS / "testbed" / "lab.yaml").read_text()
+    (tmp_path / "lab.yaml").write_text(text + "faults:\n" + "".join(f"  {line}\n" for line in fault_lines(harder(5))))
+    assert fault_lines(load_lab(tmp_path)) == fault_lines(harder(5))
 
 
 def test_a_run_with_faults_at_random_is_the_same_under_another_hash_seed(tmp_path):

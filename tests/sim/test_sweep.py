@@ -48,7 +48,7 @@ def swept(folder, program, *options, lab=LAB, name="run"):
 def row(seed, **others):
     given = {"finished": True, "time_s": 1.0 * seed, "bound_s": 1.0, "time_to_bound": 1.0 * seed, "collisions": 0}
     deadlines = {"met": 1, "missed": 0, "best_possible": 1}
-    return {"seed": seed, **given, "deadlines": deadlines, "violations": {}, "error": None, **others}
+    return {"seed": seed, **given, "deadlines": deadlines, "violations": {}, "unhandled": 0, "error": None, **others}
 
 
 def test_a_sweep_has_a_row_for_each_seed_and_their_summary(tmp_path, capsys):
@@ -220,6 +220,7 @@ def test_a_row_counts_what_the_report_tells():
         "deadlines": {"met": 5, "missed": 1, "best_possible": 6},
         "collisions": 1,
         "violations": [{"check": check} for check in ("overlap", "contact", "overlap")],
+        "robots": {"1": {"actions_unhandled": 2}, "2": {}},
     }
     assert row_of(report) == {
         "seed": 3,
@@ -230,6 +231,7 @@ def test_a_row_counts_what_the_report_tells():
         "deadlines": {"met": 5, "missed": 1, "best_possible": 6},
         "collisions": 1,
         "violations": {"overlap": 2, "contact": 1},
+        "unhandled": 2,
         "error": None,
     }
 

@@ -4,11 +4,12 @@ import argparse
 import os
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rmr.coord.timing import Order
-from rmr.entry.command_line import CommandLineError, Parser, real, whole
+from rmr.entry.command_line import CommandLineError, Parser, did_you_mean, real, whole
+from rmr_sim.hunt.hunt_names import DEFAULT_PROPERTIES, METHODS, PROPERTIES
 from rmr_world.provided_labs import existing_lab
 
 SEEDS_MAX = 100_000
@@ -18,6 +19,20 @@ JOBS_MAX = 64
 WHOLE = "[0-9]{1,18}"
 """What fits 64 bits; of thousands of digits Python makes no number at all."""
 ORDERS = "who goes first: most deadlines met (ours), earliest deadline, first come, or no coordination (none)"
+
+UNIT_S = {"s": 1, "m": 60, "min": 60, "h": 3600}
+"""Seconds of the units of `--budget`."""
+HUNT_ONLY = ("budget", "runs", "methods")
+NOT_HUNTING = {
+    "seeds": "draws the seeds of its runs from --seed",
+    "resume": "cannot be resumed",
+    "chaos": "chooses the faults itself",
+    "hard_chaos": "chooses the faults itself",
+    "view": "shows no run",
+    "trace": "writes no trace; the lab files that it writes repeat what it finds",
+    "record": "writes no recording; the lab files that it writes repeat what it finds",
+}
+"""Options that a hunt does not have, and why."""
 
 ABOUT = "Run a lab in virtual time; the same seed gives the same report."
 
@@ -34,6 +49,22 @@ def declare(parser: Parser) -> None:
     parser.option("--robots", read=whole(1), metavar="N", help="only the first N robots of the lab")
     parser.option("--loss", read=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.flag("--chaos", help="faults at random for a while, drawn from the seed")
+    parser.flag("--hard-chaos", help="the same with longer stalls and partitions, and robots mute or deaf")
+    parser.flag("--durable", help="restarted robots go on from their state instead of starting anew")
+    parser.flag("--hunt", help="search for the smallest list of faults that breaks a property")
+    parser.option("--budget", read=_time, metavar="T", help="of a hunt, such as 10m (default: 10m, unless --runs)")
+    parser.option("--runs", read=whole(1), metavar="N", help="of a hunt at most: such a hunt can be repeated")
+    parser.option("--findings", read=whole(1), metavar="N", default=1, help="after which a hunt ends")
+    parser.option(
+        "--properties",
+        read=_some(PROPERTIES),
+        metavar="LIST",
+        default=",".join(DEFAULT_PROPERTIES),
+        help=f"that a hunt may break, of {', '.join(PROPERTIES)}",
+    )
+    parser.option(
+        "--methods", read=_some(METHODS), metavar="LIST", help=f"of a hunt, of {', '.join(METHODS)} (default: all)"
+    )
     parser.choice("--order", [order.value for order in Order], default=Order.OURS.value, help=ORDERS)
     parser.option("--actions", read=Path, metavar="FILE.py", help="handlers of actions, instead of the lab's")
     parser.option("--events", read=Path, metavar="FILE.py", help="your own events, instead of the lab's")
@@ -65,8 +96,9 @@ def check(arguments: argparse.Namespace) -> None:
     if not arguments.view and (arguments.port is not None or arguments.speed is not None or arguments.control):
         raise CommandLineError("--port, --speed and --control are about the page: ask for it with --view")
     sweep = arguments.seeds is not None or arguments.resume is not None
-    if not sweep and arguments.jobs is not None:
-        raise CommandLineError("--jobs shares the runs of a sweep: name its --seeds")
+    if not sweep and not arguments.hunt and arguments.jobs is not None:
+        raise CommandLineError("--jobs shares the runs of a sweep or a hunt: name its --seeds, or --hunt")
+    check_hunt(arguments)
     if sweep and arguments.seed is not None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
     if sweep and arguments.view:
@@ -79,6 +111,18 @@ def check(arguments: argparse.Namespace) -> None:
         raise CommandLineError("--trace is of one run; a sweep keeps the trace of each seed that fails")
 
 
+def check_hunt(arguments: argparse.Namespace) -> None:
+    """Raise CommandLineError for options that do not go together with a hunt, or only with one."""
+    given = [name for name in HUNT_ONLY if getattr(arguments, name) is not None]
+    if not arguments.hunt and given:
+        raise CommandLineError(f"--{given[0]} is about a hunt: ask for it with --hunt")
+    if not arguments.hunt:
+        return
+    for name, reason in NOT_HUNTING.items():
+        if getattr(arguments, name) not in {None, False}:
+            raise CommandLineError(f"--hunt {reason}: leave out --{name.replace('_', '-')}")
+
+
 def command_of(arguments: argparse.Namespace) -> str:
     """Return the command that, with a seed, repeats a run."""
     words = ["rmr", "sim", str(arguments.lab)]
@@ -88,7 +132,8 @@ def command_of(arguments: argparse.Namespace) -> str:
             words += [f"--{name}", str(value)]
     if arguments.order != Order.OURS.value:
         words += ["--order", arguments.order]
-    words += [f"--{name}" for name in ("chaos", "strict") if getattr(arguments, name)]
+    flags = ("chaos", "hard_chaos", "durable", "strict")
+    words += [f"--{name.replace('_', '-')}" for name in flags if getattr(arguments, name)]
     return shlex.join(words)
 
 
@@ -103,6 +148,28 @@ def cores() -> int:
     """Return how many processors this process may use; where the system does not tell, how many there are."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(usable, JOBS_MAX)
+
+
+def _time(text: str) -> int:
+    """Return nanoseconds for 90s, 10m or 1.5h."""
+    match = re.fullmatch(r"([0-9]{1,9}(?:\.[0-9]{1,9})?)(s|m|min|h)", text)
+    time_ns = 0 if match is None else round(float(match[1]) * UNIT_S[match[2]] * 1e9)
+    if not time_ns:
+        raise ValueError(f"a time such as 90s, 10m or 2h, not {text!r:.40}")
+    return time_ns
+
+
+def _some(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
+    """Return the reader of a list of names, each of `known`."""
+
+    def read(text: str) -> tuple[str, ...]:
+        names = text.split(",")
+        for name in names:
+            if name not in known:
+                raise ValueError(f"{name!r:.40} is none of {', '.join(known)}{did_you_mean(name, known)}")
+        return tuple(dict.fromkeys(names))
+
+    return read
 
 
 def _seeds(text: str) -> range:

@@ -43,18 +43,18 @@ class Event:
             raise
         except BaseException as error:
             what = f"event {type(self).__name__}"
-            raise EventError(_described(what, simulation.now, self.callback, error)) from error
+            raise EventError(described(what, simulation.now, self.callback, error)) from error
 
 
 def call_observer(observe: Callable[[Instant], None], now: Instant) -> None:
     """Call a user's observer. Raises EventError if that raises anything, exit() included."""
     try:
         observe(now)
-    except KeyboardInterrupt:
+    except (EventError, KeyboardInterrupt):
         raise
     except BaseException as error:
         what = f"observer {getattr(observe, '__qualname__', type(observe).__name__)}"
-        raise EventError(_described(what, now, observe, error)) from error
+        raise EventError(described(what, now, observe, error)) from error
 
 
 def checked(event: object) -> Event:
@@ -76,7 +76,7 @@ def instant(value: object) -> Instant:
     return value
 
 
-def _described(what: str, now: Instant, function: Callable[..., None], error: BaseException) -> str:
+def described(what: str, now: Instant, function: Callable[..., object], error: BaseException) -> str:
     """Return the message for an exception of a user's `function`, with its place in the user's file."""
     code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
     where = "no Python file" if code is None else place(error, code.co_filename, code.co_firstlineno)

@@ -30,6 +30,10 @@ class RobotHost:
         """Instant at which the next tick begins."""
         self._key = None if key is None else run_key(key, "simulator", lab.name, seed)
         self._trace: list[dict[str, Any]] = []
+        self.loads: list[dict[str, Any]] = []
+        """What became of the loads of programs (`rmr_sim.program_loads`), as the report has it."""
+        self.switches: list[tuple[int, Instant, int, bool]] = []
+        """Changes of program: robot, instant, digest of the new one, whether it came later than to the others."""
         self._calls: list[tuple[Instant, int]] = []
         """Heap of wake-up times beyond the present tick, with the index of the robot: of robots without bodies only."""
 

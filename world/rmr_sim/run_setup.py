@@ -18,12 +18,21 @@ from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
+from rmr_sim.program_loads import attach_loads
 from rmr_sim.simulation import Simulation
 from rmr_sim.user_events import load_events
+from rmr_sim.user_invariants import InvariantChecker
 from rmr_world.faults import fault_entries
-from rmr_world.lab import Lab
+from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import load_lab
-from rmr_world.lab_program import LoadedProgram, load_handlers, load_lab_program, validated
+from rmr_world.lab_program import (
+    LoadedProgram,
+    ProgramError,
+    load_handlers,
+    load_lab_program,
+    load_program,
+    validated,
+)
 from rmr_world.radio_key import radio_key
 from rmr_world.run_report import assemble
 
@@ -42,6 +51,10 @@ class Options:
     """The file of the user's events, instead of the lab's."""
     chaos: bool = False
     """Whether faults are drawn from the seed."""
+    hard_chaos: bool = False
+    """Whether faults are drawn from the seed, those of hard chaos, too."""
+    durable: bool = False
+    """Whether restarted robots go on from their disks."""
     order: Order = Order.OURS
     """The rule by which leaders order jobs."""
     wait: Duration | None = None
@@ -63,29 +76,53 @@ class LoadedLab:
     """Warnings of the compiler and of validation, each with its line end."""
     key: bytes | None = field(repr=False)
     """The key of the radio, if that is secured."""
+    loads: tuple[tuple[ProgramLoad, LoadedProgram], ...] = ()
+    """The programs that robots get during a run."""
 
     def simulation(
-        self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES, minds: MindSink | None = None
+        self,
+        seed: int | None = None,
+        trace: TraceLevel = TraceLevel.NOTES,
+        minds: MindSink | None = None,
+        harmed: Callable[[Lab], Lab] | None = None,
     ) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong.
 
-        `minds` takes the logs of the robots' inputs (`rmr.mind`).
+        `minds` takes the logs of the robots' inputs (`rmr.mind`). `harmed` returns the lab with further faults.
         """
         lab = self.lab
         program = self.program
         handlers = load_handlers(program.program, lab.actions)
         seed = lab.seed if seed is None else seed
-        if self.options.chaos:
-            lab = with_chaos(lab, seed)
+        if self.options.chaos or self.options.hard_chaos:
+            lab = with_chaos(lab, seed, hard=self.options.hard_chaos)
+        if harmed is not None:
+            lab = harmed(lab)
         timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
         without = self.options.without
+        later = [loaded.program for _, loaded in self.loads]
         simulation = Simulation(
-            lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh, without, minds
+            lab,
+            program.program,
+            program.digest,
+            seed,
+            handlers,
+            trace,
+            self.key,
+            timing,
+            fresh,
+            without,
+            minds,
+            self.options.durable,
+            later,
         )
+        attach_loads(simulation, program, self.loads, handlers)
         attach_checkers(simulation)
-        for event in load_events(lab.events, lab, seed):
+        users = load_events(lab.events, lab, seed)
+        for event in users.events:
             simulation.schedule(event)
+        simulation.observers += [InvariantChecker(simulation, function) for function in users.invariants]
         return simulation
 
 
@@ -101,7 +138,13 @@ def load(path: Path, options: Options) -> LoadedLab:
     lab = replace(lab, actions=options.actions or lab.actions, events=options.event_file or lab.events)
     program = validated(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
-    return LoadedLab(lab, program, options, tuple(warnings), radio_key(lab))
+    if lab.loads and options.durable:
+        raise ProgramError(
+            f"{lab.path}: loads: the state of a durable robot belongs to its program; leave out loads or --durable"
+        )
+    loads = tuple((each, load_program(each.program)) for each in lab.loads)
+    warnings += [each.warnings for _, each in loads if each.warnings]
+    return LoadedLab(lab, program, options, tuple(warnings), radio_key(lab), loads)
 
 
 def prepare(
@@ -139,8 +182,11 @@ def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
         robots=simulation.robot_parts(),
         truth={"collisions": world.collisions, "min_gap_m": world.min_gap_m},
         bus_lost=0,
+        dead=[robot.robot for robot in simulation.robots if not robot.alive],
     )
     report["faults"] = fault_entries(simulation.lab)
+    if simulation.loads:
+        report["loads"] = simulation.loads
     report["violations"] = [violation.as_dict() for violation in sorted(simulation.violations)]
     report["violations_omitted"] = simulation.violations_omitted
     return report

@@ -17,6 +17,7 @@ from rmr_sim.simulation import Simulation
 from rmr_sim.violation import CONTACT
 from rmr_world.lab_program import ProgramError
 from rmr_world.run_report import DECIMALS
+from rmr_world.run_warnings import unhandled_failures
 
 Row = dict[str, Any]
 """A seed's entry in sweep.json; `docs/simulation.md` describes its keys."""
@@ -76,6 +77,7 @@ def row_of(report: dict[str, Any]) -> Row:
         "deadlines": report["deadlines"],
         "collisions": report["collisions"],
         "violations": violations,
+        "unhandled": unhandled_failures(report),
         "error": None,
     }
 
@@ -91,6 +93,7 @@ def lost(seed: int, error: str) -> Result:
         "deadlines": {"met": 0, "missed": 0, "best_possible": 0},
         "collisions": 0,
         "violations": {},
+        "unhandled": 0,
         "error": error,
     }
     return Result(row, 0.0, 0.0)
@@ -98,7 +101,8 @@ def lost(seed: int, error: str) -> Result:
 
 def fails(row: Row) -> bool:
     """Return whether the run failed; a missed deadline alone is no failure."""
-    return not row["finished"] or bool(row["collisions"] or row["violations"] or row["error"])
+    broken = row["collisions"] or row["violations"] or row.get("unhandled", 0) or row["error"]
+    return not row["finished"] or bool(broken)
 
 
 def reasons(row: Row) -> list[str]:
@@ -106,6 +110,8 @@ def reasons(row: Row) -> list[str]:
     if row["error"]:
         return [row["error"]]
     found = [] if row["finished"] else ["not finished"]
+    if row.get("unhandled", 0):
+        found.append(f"actions that failed without an `else`: {row['unhandled']}")
     if row["collisions"]:
         found.append(f"{row['collisions']} contact{'s' if row['collisions'] > 1 else ''}")
     return found + [f"{check} ({count})" for check, count in sorted(row["violations"].items()) if check != CONTACT]

@@ -20,12 +20,13 @@ from rmr.base.time import in_seconds
 from rmr.coord.timing import Order
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
-from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
+from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
 from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import RUN_FILE
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
+from rmr_sim.hunt.hunt_command import hunt
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import Row, fails, row_of
@@ -84,6 +85,8 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
         if arguments.resume is not None:
             return _resume(arguments, loaded, out)
         folder = make_run_folder(loaded.lab.name, arguments.run)
+        if arguments.hunt:
+            return hunt(arguments, loaded, folder, out)
         if arguments.seeds is not None:
             return _sweep(arguments, loaded, folder, out)
         return _run(arguments, loaded, folder, out, viewer)
@@ -120,6 +123,8 @@ def options_of(arguments: argparse.Namespace) -> Options:
         actions=arguments.actions,
         event_file=arguments.events,
         chaos=arguments.chaos,
+        hard_chaos=arguments.hard_chaos,
+        durable=arguments.durable,
         order=Order(arguments.order),
     )
 
@@ -132,7 +137,7 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     if arguments.record is not None and recorder is not None and recorder.writer.failure:
         print(f"rmr sim: {recorder.writer.failure}", file=sys.stderr)
         return ExitCode.USAGE
-    if arguments.chaos:
+    if arguments.chaos or arguments.hard_chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
         if recorder is not None:
@@ -275,8 +280,12 @@ def _sum_up(folder: Path, text: str) -> bool:
 
 
 def exit_code(row: dict[str, Any], *, strict: bool) -> int:
-    """Return the exit code for a run (0 fine, 1 not finished or a rule broken, 4 under --strict: missed or touched)."""
-    if not row["finished"] or any(check != CONTACT for check in row["violations"]):
+    """Return the exit code for a run.
+
+    0 fine; 1 not finished, a rule broken, or an action of the user's failed unhandled; 4 under --strict: a deadline
+    missed, or a contact.
+    """
+    if not row["finished"] or row.get("unhandled", 0) or any(check != CONTACT for check in row["violations"]):
         return ExitCode.FAILED
     if strict and (row["deadlines"]["missed"] or row["collisions"]):
         return ExitCode.STRICT
@@ -287,7 +296,7 @@ def failures(trace: list[dict[str, object]]) -> list[str]:
     """Return a line for each action of `trace` that failed by itself, none twice, FAILURES_MAX at most."""
     lines: dict[str, None] = {}
     for entry in trace:
-        if entry["what"] == "action_ended" and entry["failure"] not in {None, STOPPED, TAKEN_OVER}:
+        if entry["what"] == "action_ended" and entry["failure"] not in (None, *INTERRUPTED):
             lines[f"robot {entry['robot']}: action {entry['action']} failed: {entry['failure']}"] = None
     return _first(list(lines), "failed; --trace FILE holds all")
 

@@ -87,7 +87,8 @@ class SimulationRecorder:
 
     def _restarts(self, robot: int) -> None:
         self._frames[robot].end()
-        self._sent[robot] = 0
+        if not self._simulation.durable:  # a durable robot goes on counting its frames
+            self._sent[robot] = 0
 
     # -- each tick --------------------------------------------------------------------------------------------
 
@@ -121,7 +122,7 @@ class SimulationRecorder:
         records = self._simulation.fault_records
         for record in records[self._faults :]:
             if isinstance(record, Disturbance):
-                fault: dict[str, Any] = fault_entry(record)
+                fault: dict[str, Any] = fault_entry(record, self._simulation.lab.roster)
             else:
                 fault = {"at": in_seconds(record.at), record.fault: record.robot}
                 if record.until > record.at and record.fault not in ("killed", "restarted"):

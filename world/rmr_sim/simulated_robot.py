@@ -11,7 +11,7 @@ the node asks for. A fault of the process changes what the host does, and costs 
 
 The body is not affected: it stays in the world, and its wheels brake when no command has come for a while
 (`robot_body.WATCHDOG`). A restarted robot has a new node, of the next epoch, and a station without memory. The counters
-and actions of its earlier nodes stay in the report.
+and actions of its earlier nodes stay in the report. A durable robot's node is brought back from its disk instead.
 """
 
 from collections import deque
@@ -23,11 +23,15 @@ from rmr.base.kernel import EVENT, ROBOT, Alarm
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
+from rmr.bytecode.program import Program
+from rmr.mind.durable_node import DurableNode
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
+from rmr_sim.disk import Disk
 from rmr_sim.robot_host import RobotHost
+from rmr_sim.robot_programs import LOAD_OCTET, RobotPrograms
 from rmr_world.incarnations import merged_report, with_lost_jobs
 
 SAMPLES_MAX: Final = 240
@@ -51,8 +55,13 @@ def _taken(queue: deque[T]) -> list[T]:
 class SimulatedRobot:
     """A node with its station and its body in the world."""
 
-    def __init__(self, host: RobotHost, robot: int, make_node: MakeNode, bodily: bool) -> None:
-        """A robot without a body (`bodily`) is not sampled."""
+    def __init__(
+        self, host: RobotHost, robot: int, make_node: MakeNode, bodily: bool, disk: Disk | None = None
+    ) -> None:
+        """A robot without a body (`bodily`) is not sampled. One with a `disk` goes on from there when it restarts."""
+        self._disk = disk
+        self.restarts = 0
+        """Number of restarts so far."""
         self.bodily = bodily
         self._host = host
         self._make_node = make_node
@@ -78,6 +87,8 @@ class SimulatedRobot:
         self._samples_dropped = 0
         self._frames_dropped = 0
         """Samples and frames of this incarnation that full queues have dropped."""
+        self.programs: RobotPrograms | None = None
+        """The robot's part in the distribution of programs; None in a lab without loads."""
         self._past: list[dict[str, Any]] = []
         """Parts of the report of the earlier incarnations, the oldest first."""
 
@@ -92,9 +103,9 @@ class SimulatedRobot:
         """Octets that fit a frame."""
         return self.station.payload_max
 
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Queue a frame."""
-        self.station.request(payload, destination, handle)
+        self.station.request(payload, destination, handle, due)
 
     def receive(self) -> list[Received]:
         """Return the frames that have arrived."""
@@ -151,6 +162,9 @@ class SimulatedRobot:
             if len(self._confirmed) == FRAMES_MAX:
                 self._frames_dropped += 1
             self._confirmed.append(out)
+        elif self.programs is not None and out.payload[:1] == LOAD_OCTET:
+            self.programs.received(out)
+            return
         elif self.served and not self._received and self.node.overhear(self._host.kernel.now, out):
             return
         else:
@@ -168,42 +182,57 @@ class SimulatedRobot:
             if self.served:
                 self.node_alarm.set(now)
 
+    def facts(self, name: str) -> list[tuple[Value, ...]]:
+        """Return the arguments without the owner of the facts of predicate `name` that hold, oldest first.
+
+        A dead robot holds none. Raises ValueError if the program has no such predicate.
+        """
+        index = self.node.program.index(name)
+        if index is None:
+            raise ValueError(f"the program knows no predicate {name}")
+        return list(self.node.machine.held(index)) if self.alive else []
+
     def finished(self) -> bool:
         """Return whether it lives and holds the finish fact."""
         return self.alive and self.node.finished()
 
     # -- faults -----------------------------------------------------------------------------------------------
 
-    @property
-    def restarts(self) -> int:
-        """Number of restarts so far."""
-        return len(self._past)
-
     def kill(self) -> None:
         """Kill the process: its node is not called any more and its station is off."""
         self.alive = False
-        self.end_log()
+        node = self.node
+        if self._disk is not None and isinstance(node, DurableNode):
+            self._disk.crash(node.next_record())
+        else:
+            self.end_log()
         self._stalled_until = self._slow_until = 0
         self.station.switch_off()
+        if self.programs is not None:
+            self.programs.killed()
         self._settle(self._host.now)
 
     def restart(self) -> None:
         """Start the next incarnation. Raises ValueError while the robot lives, or if a secured radio allows no more."""
         if self.alive:
             raise ValueError(f"robot {self.robot} lives: kill it before it is started again")
-        epoch = self.restarts + 1
+        epoch = self.restarts = self.restarts + 1
         now = self._host.now
         rng = stream(f"{self._host.seed}/robot{self.robot}/csma/{epoch}")
         self.x, self.y, _ = self._host.world.pose(self.robot)
         self.station.move(self.x, self.y)
         self.station.switch_on(rng, self._host.security(self.robot, epoch))
-        self._past.append(with_lost_jobs(robot_report(self.node, {})))
+        if self._disk is None:
+            self._past.append(with_lost_jobs(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self._samples_dropped = self._frames_dropped = 0
         self.alive = self.still = True
         self.node = self._make_node(self._ports, epoch)
-        self.node.start(now)
+        if self.programs is None:
+            self.node.start(now)
+        else:
+            self.programs.restarted(now)
         self._settle(now)
 
     def end_log(self) -> None:
@@ -229,6 +258,22 @@ class SimulatedRobot:
             self._settle(now)
             self._host.kernel.at(until, EVENT, self._settle)
 
+    @property
+    def reachable(self) -> bool:
+        """Whether its process runs: it is neither dead nor stopped."""
+        return self.alive and self._host.now >= self._stalled_until
+
+    def change_program(self, now: Instant, program: Program, digest: int) -> None:
+        """Let the node go on with another program."""
+        self.node.change_program(now, program, digest)
+        if self.served:
+            self.tick(now)
+
+    def begin(self, now: Instant) -> None:
+        """Start the node of a robot that has waited for its program."""
+        self.node.start(now)
+        self._settle(now)
+
     def _settle(self, now: Instant) -> None:
         """Set station, alarms and `served` according to the faults at `now`."""
         stalled = now < self._stalled_until
@@ -237,7 +282,8 @@ class SimulatedRobot:
             self.station.hold()
         elif self.alive and self.station.held:
             self.station.resume(now)
-        self.served = self.alive and not stalled and not slow
+        waits = self.programs is not None and self.programs.awaited
+        self.served = self.alive and not stalled and not slow and not waits
         self.node_alarm.set(now if self.served else NEVER)
         self._slow_alarm.set(now + self._every if slow and not stalled else NEVER)
         self._host.sort_out()

@@ -7,7 +7,7 @@ robots that stand still are sampled less often, as in processes. Robots whose pr
 """
 
 import heapq
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -25,14 +25,16 @@ from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
+from rmr_sim.disk import Disk, durable_node
 from rmr_sim.event import Event, EventError, call_observer, checked, instant
 from rmr_sim.fault_events import FaultEvent
 from rmr_sim.fault_record import FaultRecord
 from rmr_sim.robot_host import RobotHost
 from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
-from rmr_sim.violation import Violation
+from rmr_sim.violation import VIOLATIONS_MAX, Violation
 from rmr_world.disturbances import LINGER
-from rmr_world.lab import Lab
+from rmr_world.lab import Lab, Restart
+from rmr_world.quorum import ALL, is_met, met_at
 from rmr_world.schema import TICK
 
 IDLE_SAMPLE_TICKS: Final = 6
@@ -58,12 +60,15 @@ class Simulation(RobotHost):
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
         without: frozenset[str] = frozenset(),
         minds: MindSink | None = None,
+        durable: bool = False,
+        later: Sequence[Program] = (),
     ) -> None:
         """`key` is the lab's, where its radio is secured; `timing` is that of coordination, where it is another one.
 
         `fresh` returns handlers of their own for each life of each robot, as processes have; without it all share
-        `handlers`. `without` names rules of motion to leave out.
-        `minds` takes the logs of the robots' inputs (`rmr.mind`); without it there are none.
+        `handlers`. `without` names rules of motion to leave out. `minds` takes the logs of the robots' inputs
+        (`rmr.mind`) unless they are `durable`: these go on after a restart from what is on their disks. `later` are the
+        programs that robots may be loaded with.
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
@@ -83,13 +88,15 @@ class Simulation(RobotHost):
         self.before_restart: list[Callable[[int], None]] = []
         """Callbacks before a robot begins its next incarnation, with its id."""
         self.finished = False
-        """Whether all robots held the finish fact at one tick."""
+        """Whether the robots of the quorum held the finish fact at one tick."""
         self._stopping = False
         self._happened = 0
         """Events since the last tick."""
         self._fresh = fresh
         self._minds = minds
-        self._bodily = needs_bodies(lab, program, handlers or {})
+        self.durable = durable
+        """Whether restarted robots go on."""
+        self._bodily = any(needs_bodies(lab, each, handlers or {}) for each in (program, *later))
         self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing(), without))
         self._served: list[SimulatedRobot] = []
         """Robots that are served normally."""
@@ -97,10 +104,14 @@ class Simulation(RobotHost):
         """Robots that live and are stalled or slow: their samples and frames are queued."""
         self.sort_out()
         self._by_id = {robot.robot: robot for robot in self.robots}
-        for fault in lab.faults:
-            self.schedule(FaultEvent(fault))
         self._disturbances: tuple[Disturbance, ...] = ()
-        for disturbance in lab.disturbances:
+        self._befall()
+
+    def _befall(self) -> None:
+        """Let the faults and the disturbances of the lab happen."""
+        for fault in self.lab.faults:
+            self.schedule(FaultEvent(fault))
+        for disturbance in self.lab.disturbances:
             self.disturb(disturbance)
 
     def _robots(
@@ -110,19 +121,24 @@ class Simulation(RobotHost):
         facts = _by_robot(config.facts, config.roster)
         minds = self._minds
 
-        def maker(robot: int) -> MakeNode:
+        def maker(robot: int, disk: Disk | None) -> MakeNode:
             lasting = replace(config, robot=robot, facts=tuple(facts[robot]))
 
             def make(ports: Ports, epoch: int) -> Node:
                 own = replace(lasting, epoch=epoch)
                 acting = handlers if self._fresh is None else self._fresh()
+                if disk is not None:
+                    return durable_node(disk, own, program, ports, acting, digest)
                 if minds is None:
                     return Node(own, program, ports, acting, digest)
                 return RecordedNode(own, program, ports, acting, digest, minds)
 
             return make
 
-        return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
+        disks = {robot: Disk(self.seed, robot) if self.durable else None for robot in self.lab.roster}
+        return tuple(
+            SimulatedRobot(self, robot, maker(robot, disk), self._bodily, disk) for robot, disk in disks.items()
+        )
 
     def _config(self, trace: TraceLevel, timing: Timing, without: frozenset[str]) -> NodeConfig:
         """Return the configuration of the first robot, from which those of the others are made."""
@@ -149,7 +165,7 @@ class Simulation(RobotHost):
         return self.robots[0].node.config.firings
 
     def run(self) -> bool:
-        """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.
+        """Run until the lab's quorum holds the finish fact or its duration is over; return whether it finished.
 
         A lab without a finish fact is finished when its duration is over.
         """
@@ -175,7 +191,7 @@ class Simulation(RobotHost):
                 check(now)
             for observe in self.observers:
                 call_observer(observe, now)
-            if self.lab.finish and all(robot.finished() for robot in self.robots):
+            if self.lab.finish and self._is_finished(now):
                 self.finished = True
                 return True
             if now >= self.lab.duration:
@@ -183,6 +199,26 @@ class Simulation(RobotHost):
             if self._stopping:
                 return False
             index += 1
+
+    def _is_finished(self, now: Instant) -> bool:
+        """Return whether the robots that hold the finish fact are as many as the lab's quorum asks for."""
+        quorum = self.lab.quorum
+        if quorum == ALL:  # the usual case, in each tick: no list is made
+            return all(robot.finished() for robot in self.robots)
+        holding = [robot.robot for robot in self.robots if robot.finished()]
+        return bool(holding) and is_met(quorum, self.lab.roster, self.dead_for_good(now), holding)
+
+    def dead_for_good(self, now: Instant) -> list[int]:
+        """Return the robots that have been killed and that no fault of the lab restarts later."""
+        later = {fault.robot for fault in self.lab.faults if isinstance(fault, Restart) and fault.at >= now}
+        return [robot.robot for robot in self.robots if not robot.alive and robot.robot not in later]
+
+    def violate(self, violation: Violation) -> None:
+        """Record a violation, up to the bound of one run."""
+        if len(self.violations) < VIOLATIONS_MAX:
+            self.violations.append(violation)
+        else:
+            self.violations_omitted += 1
 
     def tell(self, robot: int, now: Instant, event: object) -> None:
         """Pass `event`, which happened to or inside `robot`, to the subscribers of its type."""
@@ -224,7 +260,7 @@ class Simulation(RobotHost):
         return not self._robot(robot).alive
 
     def restart(self, robot: int) -> None:
-        """Restart `robot`, without memory. Raises ValueError if it lives."""
+        """Restart `robot`, without memory unless it is durable. Raises ValueError if it lives."""
         self.take_traces()
         for call in self.before_restart:
             call(robot)
@@ -277,6 +313,10 @@ class Simulation(RobotHost):
         self._disturbances = tuple(one for one in self._disturbances if now < one.until + LINGER)
         self.ether.links.replace(self._disturbances)
 
+    def program_switched(self, robot: int, now: Instant, digest: int, *, late: bool) -> None:
+        """Record that `robot` has switched to another program; `late`: after the others, as it was away."""
+        self.switches.append((robot, now, digest, late))
+
     def _note(self, robot: int, fault: str, until: Instant = NEVER) -> None:
         self.fault_records.append(FaultRecord(self.now, until, robot, fault))
         self._trace.append({"t": round(in_seconds(self.now), 6), "robot": robot, "what": "fault", "fault": fault})
@@ -322,10 +362,10 @@ class Simulation(RobotHost):
 
     @property
     def time_s(self) -> float:
-        """From the first tick to the last robot's finish, or to now if not all have finished; seconds of lab time."""
-        ends = [robot.node.finish_at for robot in self.robots]
-        known = [end for end in ends if end is not None]
-        return in_seconds(max(known) if self.finished and len(known) == len(ends) else self.now)
+        """From the first tick until the quorum was met, or to now if it was not; seconds of lab time."""
+        ends = {robot.robot: robot.node.finish_at for robot in self.robots if robot.finished()}
+        met = met_at(self.lab.quorum, ends) if self.finished else None
+        return in_seconds(self.now if met is None else int(met))
 
     def trace(self) -> list[dict[str, Any]]:
         """Return the trace of all robots, ordered by time, then by id."""

@@ -7,6 +7,9 @@ from rmr.base.time import Instant, in_seconds
 CONTACT = "contact"
 """The check that bodies do not touch: what `collisions` of the report counts too."""
 
+VIOLATIONS_MAX = 1000
+"""Bound of the violations of one run; more of them add no information."""
+
 
 class Violation(NamedTuple):
     """One breach of one rule."""

@@ -13,8 +13,8 @@ robot is the area that `finish` names or, if that names none, the one area that 
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
 
@@ -24,6 +24,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr_world.free_flow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
+from rmr_world.quorum import LIVING
 
 BOX_SIDE_PLACES = 8
 """Sample points along each side of a box, which a robot reaches at its edge."""
@@ -161,16 +162,42 @@ def _mouth(trip: list[float], into: list[float], beyond: list[list[float]], acro
     return mouth if paths_m[mouth] <= min(trip) + DETOUR_M else -1
 
 
-def bound_s(lab: Lab) -> float:
-    """Return the physical bound of `lab` in seconds; infinite when a robot has no way to its destination."""
+def bound_s(lab: Lab, dead: Collection[int] = ()) -> float:
+    """Return the physical bound of `lab` in seconds; infinite when a robot has no way to its destination.
+
+    With the quorum `living` it is that of the robots that are not `dead`, with a number that of the best so many.
+    """
+    if isinstance(lab.quorum, int) and lab.quorum < len(lab.robots):
+        return _bound_of_some(free_times(lab), lab.quorum)
+    if lab.quorum == LIVING and dead:
+        lab = replace(lab, robots=tuple(start for start in lab.robots if start.id not in dead))
     times = free_times(lab)
     trip = max((_longest_trip(stream.trips, shared=stream.shared) for stream in times.streams), default=0.0)
-    return max(trip, _passing(times))
+    return max(trip, _passing(times.entrances, times))
 
 
-def _passing(times: FreeTimes) -> float:
-    """Return the least time until all robots have passed the bottleneck and reached their destinations, in seconds."""
+def _bound_of_some(times: FreeTimes, count: int) -> float:
+    """Return the bound of the `count` robots that can be fastest: the longest of their own shortest trips, seconds.
+
+    As few of them as possible pass the bottleneck, which the others need not do.
+    """
+    rows = [row for stream in times.streams for row in stream.trips or [()] * len(stream.robots)]
+    trips = sorted(min(row, default=0.0) for row in rows)
+    beside = sum(len(stream.robots) for stream in times.streams if stream.mouth < 0)
     entrances = times.entrances
+    passing = max(0, count - beside)
+    west = entrances[0].count if 0 in entrances else 0
+    east = entrances[1].count if 1 in entrances else 0
+    splits = [(k, passing - k) for k in range(passing + 1) if k <= west and passing - k <= east]
+    bounds = [
+        _passing({mouth: replace(entrances[mouth], count=k) for mouth, k in enumerate(split) if k}, times)
+        for split in splits
+    ]
+    return max(trips[count - 1], min(bounds, default=0.0))
+
+
+def _passing(entrances: Mapping[int, EntranceGroup], times: FreeTimes) -> float:
+    """Return the least time until these robots have passed the bottleneck and reached their destinations, seconds."""
     total = sum(group.count for group in entrances.values())
     lengths = []
     # With the first and the last robot's entrance fixed, as few changes of direction as possible are best.

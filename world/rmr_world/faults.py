@@ -5,7 +5,7 @@ lab file to faults, is `rmr_world.validate.fault_specs`.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -22,7 +22,7 @@ def fault_entries(lab: Lab) -> list[dict[str, Any]]:
     """
     timed = [disturbance for disturbance in lab.disturbances if disturbance.until < NEVER]
     numbered = sorted((_start(fault), i, fault) for i, fault in enumerate((*lab.faults, *timed)))
-    return [fault_entry(fault) for _, _, fault in numbered]
+    return [fault_entry(fault, lab.roster) for _, _, fault in numbered]
 
 
 def fault_lines(lab: Lab) -> list[str]:
@@ -42,8 +42,11 @@ def fault_line(entry: Mapping[str, Any]) -> str:
     return "{" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in entry.items()) + "}"
 
 
-def fault_entry(fault: Fault | Disturbance) -> dict[str, Any]:
-    """Return the entry of a fault; a disturbance without an end has no ``to``."""
+def fault_entry(fault: Fault | Disturbance, roster: Sequence[int] = ()) -> dict[str, Any]:
+    """Return the entry of a fault; a disturbance without an end has no ``to``.
+
+    With the `roster` of the lab a robot that is mute or deaf is told as such, else as a partition that is one way.
+    """
     match fault:
         case Kill(at=at, robot=robot):
             return {"at": in_seconds(at), "kill": robot}
@@ -57,8 +60,23 @@ def fault_entry(fault: Fault | Disturbance) -> dict[str, Any]:
             effect = {"outage": robot}
         case Disturbance():
             end = {} if fault.until >= NEVER else {"to": in_seconds(fault.until)}
-            return {"from": in_seconds(fault.since), **end, **_disturbance_effect(fault)}
+            return {"from": in_seconds(fault.since), **end, **_disturbance_effect(fault, roster)}
     return {"from": in_seconds(fault.start), "to": in_seconds(fault.end), **effect}
+
+
+def _partition_effect(disturbance: Disturbance) -> dict[str, Any]:
+    one_way = {"one_way": True} if disturbance.one_way else {}
+    return {"partition": [list(group) for group in disturbance.groups], **one_way}
+
+
+def _mute_or_deaf(disturbance: Disturbance, roster: Sequence[int]) -> dict[str, Any]:
+    """Return the effect of a one-way cut between one robot and all others of `roster`; empty for any other."""
+    if not disturbance.one_way or disturbance.attenuation_db != inf or len(disturbance.groups) != 2:
+        return {}
+    for word, (alone, others) in (("mute", disturbance.groups), ("deaf", disturbance.groups[::-1])):
+        if len(alone) == 1 and {*alone, *others} == {*roster}:
+            return {word: alone[0]}
+    return {}
 
 
 def process_run_faults(lab: Lab, added: Iterable[Mapping[str, Any]], end_s: float) -> list[dict[str, Any]]:
@@ -85,11 +103,11 @@ def _start(fault: Fault | Disturbance) -> Instant:
             return fault.start
 
 
-def _disturbance_effect(disturbance: Disturbance) -> dict[str, Any]:
+def _disturbance_effect(disturbance: Disturbance, roster: Sequence[int]) -> dict[str, Any]:
     """Return the keys of an entry that say which links are disturbed, and how."""
     groups = disturbance.groups
     if len(groups) > 2 or any(len(group) > 1 for group in groups):
-        return {"partition": [list(group) for group in groups]}
+        return _mute_or_deaf(disturbance, roster) or _partition_effect(disturbance)
     effect: dict[str, Any] = {"link": [robot for (robot,) in groups]} if groups else {}
     if disturbance.one_way:
         effect["one_way"] = True

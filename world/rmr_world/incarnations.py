@@ -10,14 +10,17 @@ from typing import Any, Final
 from rmr_world.deadline_bound import DIED
 
 COUNTED: Final = (
-    "actions_failed", "actions_omitted", "assertions_omitted", "expression_failures", "undelivered", "ticks",
-    "ticks_late", "tasks_skipped",
+    "actions_failed", "actions_unhandled", "actions_omitted", "assertions_omitted", "expression_failures",
+    "undelivered", "ticks", "ticks_late", "tasks_skipped",
 )  # fmt: skip
 """Fields of a robot's part of the report that are summed over its incarnations."""
 LISTED: Final = ("assertions", "actions")
 """Fields that are concatenated."""
 FIRST: Final = ("first_failure", "first_undelivered")
 """Fields that take the value of the first incarnation that has one."""
+
+RESUMED: Final = "resumed"
+"""Field of a durable robot that was brought back: all but the radio's counters covers its earlier incarnations."""
 
 
 def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,12 +34,13 @@ def merged_report(past: Sequence[Mapping[str, Any]], part: Mapping[str, Any]) ->
     if not past:
         return dict(part)
     whole = dict(part)
-    for name in COUNTED:
-        whole[name] = sum(each.get(name, 0) for each in (*past, part))
-    for name in LISTED:
-        whole[name] = [item for each in (*past, part) for item in each.get(name, ())]
-    for name in FIRST:
-        whole[name] = next((each[name] for each in (*past, part) if each.get(name) is not None), None)
+    if not part.get(RESUMED):
+        for name in COUNTED:
+            whole[name] = sum(each.get(name, 0) for each in (*past, part))
+        for name in LISTED:
+            whole[name] = [item for each in (*past, part) for item in each.get(name, ())]
+        for name in FIRST:
+            whole[name] = next((each[name] for each in (*past, part) if each.get(name) is not None), None)
     frames = [each.get("frames", {}) for each in (*past, part)]
     names = dict.fromkeys(name for each in frames for name in each)
     whole["frames"] = {name: sum(each.get(name, 0) for each in frames) for name in names}

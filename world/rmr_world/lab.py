@@ -17,6 +17,7 @@ from rmr.radio.security import UNSECURED
 from rmr_world.fact_syntax import FinishPattern, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding, LabError
 from rmr_world.provided_labs import LAB_FILE
+from rmr_world.quorum import ALL, Quorum
 from rmr_world.random_facts import LabFact, StatedFact, drawn
 
 PROGRAM_SUFFIXES = frozenset({".rmr", ".rbc"})
@@ -106,6 +107,16 @@ Fault = Kill | Restart | Stall | Slow | Outage
 
 
 @dataclass(frozen=True, slots=True)
+class ProgramLoad:
+    """Robots get a new program while they run."""
+
+    at: Instant
+    program: Path
+    robots: tuple[int, ...] = ()
+    """Who gets it; empty: all."""
+
+
+@dataclass(frozen=True, slots=True)
 class Lab:
     """A whole lab."""
 
@@ -126,6 +137,9 @@ class Lab:
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""
+    loads: tuple[ProgramLoad, ...] = ()
+    quorum: Quorum = ALL
+    """How many robots have to hold the finish fact."""
     path: Path = Path(LAB_FILE)
     actions: Path | None = None
     """The file with the handlers of the program's own actions."""
@@ -184,6 +198,8 @@ class Lab:
         if not 1 <= count <= len(self.robots):
             message = f"there are {len(self.robots)} robots in this lab, so not {count}"
             raise LabError([self.error(("robots",), message)])
+        if isinstance(self.quorum, int) and self.quorum > count:
+            raise LabError([self.error(("quorum",), f"{self.quorum} robots cannot finish in a run of {count}")])
         robots = self.robots[:count]
         ids = {robot.id for robot in robots}
         kept = [i for i, fact in enumerate(self.stated_facts) if fact.owner is None or fact.owner in ids]
@@ -191,9 +207,20 @@ class Lab:
         items = self.fact_items or range(len(self.facts))
         fact_items = tuple(items[i] for i in kept)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)
+        loads = tuple(
+            replace(load, robots=tuple(robot for robot in load.robots if robot in ids))
+            for load in self.loads
+            if not load.robots or ids.intersection(load.robots)
+        )
         disturbances = tuple(rest for each in self.disturbances if (rest := _among(each, ids)) is not None)
         return replace(
-            self, robots=robots, facts=facts, fact_items=fact_items, faults=faults, disturbances=disturbances
+            self,
+            robots=robots,
+            facts=facts,
+            fact_items=fact_items,
+            faults=faults,
+            disturbances=disturbances,
+            loads=loads,
         )
 
 

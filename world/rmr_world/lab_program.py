@@ -21,7 +21,7 @@ from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
 from rmr_world.finding import Finding, LabError
 from rmr_world.lab import Lab
-from rmr_world.schema import near_miss
+from rmr_world.near_miss import near_miss
 from rmr_world.validate.pipeline import run_findings
 
 

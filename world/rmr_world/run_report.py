@@ -8,7 +8,7 @@ JSON lacks (the gap of a lone robot, the bound of an impossible lab) are null.
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,13 +56,15 @@ def assemble(
     truth: Mapping[str, Any],
     schedule: Iterable[Mapping[str, Any]] | None = None,
     bus_lost: int = 0,
+    dead: Collection[int] = (),
 ) -> dict[str, Any]:
     """Return the report of a run of `lab`.
 
     `mode` is ``processes`` or ``simulated``; `time_s` is lab time up to the last robot's finish. `wall_s` is None
     if wall time would make equal runs differ. `robots` holds the last report of each robot; robots of the lab without
     one are added. `schedule` is by default the newest schedule of each event in the robots' reports. `truth` comes from
-    the world: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
+    the world: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id. `dead` are the robots whose processes had
+    ended at the end of the run.
     """
     parts = {robot: _robot_part(robot, robots.get(robot, {}), truth) for robot in sorted({*lab.roster, *robots})}
     for robot, part in parts.items():
@@ -74,9 +76,11 @@ def assemble(
         "seed": seed,
         "finished": finished,
         "finish": lab.finish,
+        "quorum": lab.quorum,
+        "dead": sorted(dead),
         "time_s": time_s,
         "wall_s": wall_s,
-        "bound_s": bound_s(lab),
+        "bound_s": bound_s(lab, dead),
         "robots": {str(robot): part for robot, part in parts.items()},
         "deadlines": {
             "met": sum(job["met"] is True for job in jobs),
@@ -165,12 +169,15 @@ class JobRow(NamedTuple):
     """None if undecided, or without a deadline."""
     job: str
     """The finish fact; empty for a robot without a job."""
+    dead: bool = False
+    """Whether the robot's process had ended at the end of the run."""
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Return the line as texts under COLUMNS."""
         lateness = "-" if self.lateness_s is None else f"{self.lateness_s:+.2f} s"
         met = "-" if self.met is None else "yes" if self.met else "no"
-        return f"@{self.robot}", _seconds(self.deadline_s), _seconds(self.finish_s), lateness, met
+        finish = "died" if self.dead and self.finish_s is None else _seconds(self.finish_s)
+        return f"@{self.robot}", _seconds(self.deadline_s), finish, lateness, met
 
 
 def _seconds(value: float | None) -> str:
@@ -180,13 +187,15 @@ def _seconds(value: float | None) -> str:
 def rows(report: Mapping[str, Any]) -> list[JobRow]:
     """Return the table's lines, the earliest deadline first."""
     found: list[JobRow] = []
+    dead = frozenset(report.get("dead", ()))
     for name, part in report["robots"].items():
         jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None, "job": ""}]
         for job in jobs:
             deadline = job["deadline_s"]
             finish = job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
-            found.append(JobRow(int(name), deadline, finish, lateness, job["met"], job["job"]))
+            robot = int(name)
+            found.append(JobRow(robot, deadline, finish, lateness, job["met"], job["job"], robot in dead))
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
 
 
@@ -209,8 +218,15 @@ def summary(report: Mapping[str, Any]) -> str:
     judged = deadlines["met"] + deadlines["missed"]
     return (
         f"{report['lab']}: {state} after {report['time_s']:.2f} s{bound}, deadlines met {deadlines['met']} of "
-        f"{judged}, contacts {report['collisions']}, smallest gap {gap}"
+        f"{judged}, contacts {report['collisions']}, smallest gap {gap}{_died(report.get('dead', ()))}"
     )
+
+
+def _died(dead: Sequence[int]) -> str:
+    """Return a clause that names the robots that died and were not started again; empty if there are none."""
+    if not dead:
+        return ""
+    return f"; robot{'s' if len(dead) > 1 else ''} {', '.join(map(str, dead))} died"
 
 
 def table_text(report: Mapping[str, Any]) -> str:

@@ -22,6 +22,8 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
         were = "action" if failed == 1 else "actions"
         started = sum(len(part.get("actions", ())) + part.get("actions_omitted", 0) for part in parts.values())
         lines.append(f"{failed} {were} failed, of {started} started; the first: {_first(parts, 'first_failure')}")
+    if unhandled := unhandled_failures(report):
+        lines.append(f"{unhandled} of the failed actions have no `else` in the program, so the run has failed")
     undelivered = _total(parts, "undelivered")
     if undelivered:
         lines.append(
@@ -29,6 +31,11 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
             f"{_first(parts, 'first_undelivered')}"
         )
     return [*lines, *_dropped(parts), *_omitted(parts, report)]
+
+
+def unhandled_failures(report: Mapping[str, Any]) -> int:
+    """Return the number of failures of the user's own handlers for which the program declares no `else`."""
+    return _total(report["robots"], "actions_unhandled")
 
 
 def _total(parts: Mapping[str, Mapping[str, Any]], field: str) -> int:

@@ -5,7 +5,6 @@ not defined) are in `rmr_world.validate`. The JSON Schema for editors is made fr
 ``"3.0"`` is no number and ``true`` no integer, so that no lab file is silently misread.
 """
 
-import difflib
 import math
 from typing import Annotated, Any, Literal
 
@@ -17,6 +16,7 @@ from rmr.base.values import ROBOT_ID_MAX
 from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
 from rmr.radio.phy import Bursts
 from rmr.radio.settings import SETTINGS, Setting
+from rmr_world.quorum import ALL, QUORUM_SCHEMA, Quorum, quorum_value
 from rmr_world.units import ROBOTS_MAX, angle, duration, ids, ids_or_all
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
@@ -298,7 +298,6 @@ class FaultSpec(_Strict):
     """What goes wrong: a robot is killed or restarted at an instant, or something holds over a span of time.
 
     `every` belongs to `slow`: how often the robot's mind is called.
-
     `loss`, `attenuation_db` and `cut` concern one link if `link` names it, else the whole radio.
     """
 
@@ -313,6 +312,8 @@ class FaultSpec(_Strict):
     link: Link | None = None
     one_way: Flag = False
     partition: Groups | None = None
+    mute: RobotId | None = Field(None, description="Nobody receives or senses this robot's frames.")
+    deaf: RobotId | None = Field(None, description="This robot receives and senses no frames.")
     stall: RobotId | None = None
     slow: RobotId | None = None
     every: DurationNs | None = None
@@ -320,7 +321,7 @@ class FaultSpec(_Strict):
 
     @model_validator(mode="after")
     def _timed(self) -> "FaultSpec":
-        _one_of(self, "kill", "restart", *HARMS, "partition", "stall", "slow", "outage")
+        _one_of(self, "kill", "restart", *HARMS, "partition", "mute", "deaf", "stall", "slow", "outage")
         instant = self.kill is not None or self.restart is not None
         times = (self.at is not None, self.from_ is not None, self.to is not None)
         if times != (instant, not instant, not instant):
@@ -341,9 +342,17 @@ class FaultSpec(_Strict):
     def _concerns_a_link(self) -> "FaultSpec":
         if self.link is not None and all(getattr(self, harm) is None for harm in HARMS):
             raise ValueError(f"link goes with {', '.join(HARMS[:-1])} or {HARMS[-1]}")
-        if self.one_way and self.link is None:
-            raise ValueError("one_way needs link")
+        if self.one_way and self.link is None and self.partition is None:
+            raise ValueError("one_way needs link or partition")
         return self
+
+
+class LoadSpec(_Strict):
+    """A new program that the robots get while they run (rmr sim)."""
+
+    at: DurationNs = Field(description="When one of the robots begins to distribute it.")
+    program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
+    robots: Ids | None = Field(None, description="The robots that get it; by default all.")
 
 
 Bottleneck = Annotated[
@@ -376,6 +385,7 @@ class LabFile(_Strict):
     seed: Seed = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S
     finish: str | None = Field(None, description="A fact that every robot holds in the end: at(R, exit).")
+    quorum: Annotated[Quorum, BeforeValidator(quorum_value), WithJsonSchema(QUORUM_SCHEMA)] = ALL
     arena: ArenaSpec
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
@@ -386,14 +396,9 @@ class LabFile(_Strict):
     radio: RadioSpec = RadioSpec()
     localisation: LocalisationSpec = LocalisationSpec()
     faults: list[FaultSpec] = []
+    loads: list[LoadSpec] = []
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of a lab file."""
     return LabFile.model_json_schema()
-
-
-def near_miss(word: str, known: list[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the known word nearest to `word`; empty if none is near."""
-    matches = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    return f"; did you mean '{matches[0]}'?" if matches else ""

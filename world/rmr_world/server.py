@@ -144,6 +144,7 @@ class WorldServer:
         bus.subscribe(keys.acts, self._on_act)
         bus.subscribe(keys.statuses, self._on_status)
         bus.subscribe(keys.stop(WORLD), self._on_stop)
+        bus.subscribe(keys.silence, self._on_silence)
         bus.serve(keys.map, self._answer_map)
         bus.serve(keys.clock, self._answer_clock)
         bus.serve(keys.disturbances, self._answer_disturbances)
@@ -239,6 +240,12 @@ class WorldServer:
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Stop):
             self._ending.ask(message.body.reason or "asked to stop")
+
+    def _on_silence(self, _key: str, message: wire.Envelope) -> None:
+        body = message.body
+        if isinstance(body, wire.Silence) and body.robot in self._lab.roster:
+            self._physics.silence(body.robot, body.until)
+            log.info("robot %d hears no beacon until %.3f s of lab time", body.robot, in_seconds(body.until))
 
     def _on_alive(self, key: str, alive: bool) -> None:
         robot = last_id(key)

@@ -1,11 +1,13 @@
 """What the lab file says goes wrong with robots, the mistakes one can make in it, and how it is told again."""
 
+from math import inf
+
 import pytest
 from world_labs import ROOM, complaints, lab_of
 
 from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.bus import report_checks
-from rmr.radio.links import partition
+from rmr.radio.links import Disturbance, muted, partition
 from rmr_world.faults import fault_entries, fault_entry, fault_line, fault_lines, process_run_faults
 from rmr_world.lab import Outage, Slow
 
@@ -46,6 +48,11 @@ def test_an_outage_may_name_some_robots(tmp_path):
         ),
         ("{from: 1s, to: 2s, outage: [7]}", "outage: robot 7 is not in this lab"),
         ("{at: 1s, outage: all}", "all others need from and to"),
+        ("{at: 1s, mute: 1}", "all others need from and to"),
+        ("{from: 1s, to: 2s, mute: 7}", "robot 7 is not in this lab"),
+        ("{from: 1s, to: 2s, deaf: [1, 2]}", "deaf"),
+        ("{from: 1s, to: 2s, deaf: 1, mute: 2}", "should have exactly one of"),
+        ("{from: 1s, to: 2s, mute: 1, one_way: true}", "one_way needs link or partition"),
         ("{at: 3s, restart: 1}", "robot 1 lives at 3 s: kill it before it is started again"),
         ("{at: 3s, kill: 1}, {at: 2s, restart: 1}", "robot 1 lives at 2 s"),
         ("{at: 3s, kill: 1}, {at: 4s, kill: 1}", "robot 1 is dead at 4 s: start it again before it is killed"),
@@ -80,6 +87,9 @@ EVERY_KIND = """\
 - {from: 1.9, to: 2.5, link: [1, 2], attenuation_db: 20.0}
 - {at: 2.0, restart: 2}
 - {from: 3.0, to: 4.0, partition: [[1, 3], [2]]}
+- {from: 3.5, to: 4.0, mute: 3}
+- {from: 3.6, to: 4.0, deaf: 1}
+- {from: 4.0, to: 5.0, partition: [[2], [3], [1]], one_way: true}
 """
 
 
@@ -87,6 +97,24 @@ def test_faults_are_listed_as_in_the_lab_file_in_order_of_start(tmp_path):
     lab = lab_of(tmp_path, TWO + "  - {id: 3, pose: [1.6, 0.2, 0]}\nfaults:\n" + EVERY_KIND)
     assert "".join(f"{line}\n" for line in fault_lines(lab)) == EVERY_KIND
     assert fault_entries(lab)[1] == {"at": 1.0, "kill": 2}
+
+
+def test_a_mute_robot_is_a_one_way_cut_to_all_others_and_a_deaf_one_from_them(tmp_path):
+    three = TWO + "  - {id: 3, pose: [1.6, 0.2, 0]}\n"
+    lab = lab_of(tmp_path, three + "faults: [{from: 1s, to: 2s, mute: 3}, {from: 1s, to: 2s, deaf: 2}]\n")
+    mute, deaf = lab.disturbances
+    assert mute == Disturbance(S, 2 * S, ((3,), (1, 2)), one_way=True, attenuation_db=inf)
+    assert deaf == Disturbance(S, 2 * S, ((1, 3), (2,)), one_way=True, attenuation_db=inf)
+
+
+def test_a_lone_robot_that_is_mute_disturbs_no_link(tmp_path):
+    assert lab_of(tmp_path, ROOM + "faults: [{from: 1s, to: 2s, mute: 1}]\n").disturbances == ()
+
+
+def test_a_mute_robot_without_the_roster_is_listed_as_a_one_way_partition():
+    assert fault_line(fault_entry(muted(3, (1, 2, 3), S, 2 * S))) == (
+        "{from: 1.0, to: 2.0, partition: [[3], [1, 2]], one_way: true}"
+    )
 
 
 def test_permanent_radio_disturbances_are_not_listed_among_the_faults(tmp_path):

@@ -1,7 +1,7 @@
 """Rule: a deadline that passes without the finish fact derives its violation action, once and on time (paper III.E).
 
 On time is within the tick of the deadline. A robot that was stopped or slow then has until the first tick after. Jobs
-that were lost with a robot's process are excused.
+that were lost with a robot's process are excused. A durable robot loses none.
 """
 
 import heapq
@@ -95,7 +95,11 @@ class DeadlineChecker:
     def _check(self, now: Instant, robot: int, life: int, job: TimedJob) -> None:
         """Report a violation if `job` is overdue and its robot, though called, has not noticed."""
         view = self._view
-        if job.missed or job.finish is not None or job.deadline + TICK >= now:
+        present = view.present(robot, job)
+        if present is None:
+            return
+        job = present
+        if job.ended or job.missed or job.finish is not None or job.deadline + TICK >= now:
             return  # noticed, done, or started again with a later deadline, which has its own entry
         if not view.alive(robot) or view.life(robot) != life:
             return

@@ -40,6 +40,8 @@ class DeliveryChecker:
         if progress.stage is Stage.ACCEPTED:
             self._accept(now, (peer, epoch, robot, sequence))
             return
+        if progress.stage is Stage.RELEASED:
+            return  # accepted before
         name = (robot, epoch, peer, sequence)
         if progress.stage is Stage.BEGUN:
             self._open[name] = self._view.life(robot)

@@ -83,7 +83,7 @@ class ProgressChecker:
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
         view = self._view
-        reasons = []
+        reasons = list(filter(None, [view.node(robot).services.blocked]))
         world = view.simulation.world
         arena = view.simulation.lab.arena
         crossing = view.node(robot).crossings.current

@@ -12,6 +12,7 @@ from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.node.node import Node
 from rmr.radio.links import SHADOWING_SIGMAS, Disturbance
 from rmr.radio.phy import path_loss_db
+from rmr.vm.job import TimedJob
 from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import Violation
@@ -23,8 +24,6 @@ LOSS_FAIR = 0.5
 """Loss above which a link counts as cut: of twelve beacons in a row none may arrive."""
 MARGIN_DB = 6.0
 """Margin above the receiver's sensitivity with which a link counts as reliable."""
-VIOLATIONS_MAX = 1000
-"""Bound of the violations of one run; more of them add no information."""
 
 
 class RunView:
@@ -42,10 +41,7 @@ class RunView:
 
     def violate(self, at: Instant, check: str, robots: tuple[int, ...], words: str) -> None:
         """Record a violation."""
-        if len(self.simulation.violations) < VIOLATIONS_MAX:
-            self.simulation.violations.append(Violation(at, check, robots, words))
-        else:
-            self.simulation.violations_omitted += 1
+        self.simulation.violate(Violation(at, check, robots, words))
 
     # -- robots -----------------------------------------------------------------------------------------------
 
@@ -63,8 +59,15 @@ class RunView:
         return self._robots[robot].alive
 
     def life(self, robot: int) -> int:
-        """Return the number of restarts of `robot`."""
-        return self._robots[robot].restarts
+        """Return the number of restarts of `robot` at which it lost its memory."""
+        return 0 if self.simulation.durable else self._robots[robot].restarts
+
+    def present(self, robot: int, job: TimedJob) -> TimedJob | None:
+        """Return `job` as the node of `robot` has it now; None if a durable robot died before it was recorded."""
+        if not self.simulation.durable:
+            return job
+        jobs = self.node(robot).machine.jobs
+        return next((one for one in jobs if (one.serial, one.start) == (job.serial, job.start)), None)
 
     def finished(self, robot: int) -> bool:
         """Return whether `robot` has held the finish fact since its last start."""
@@ -72,6 +75,8 @@ class RunView:
 
     def forgot(self, robot: int, since: Instant) -> bool:
         """Return whether `robot` was restarted, hence without memory, at or after `since`."""
+        if self.simulation.durable:
+            return False
         return any(one.robot == robot and one.fault == "restarted" and one.at >= since for one in self._robot_faults())
 
     def held_up(self, robot: int, since: Instant, until: Instant) -> Instant:

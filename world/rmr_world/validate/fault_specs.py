@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from math import inf
 
 from rmr.base.time import NEVER
-from rmr.radio.links import Disturbance, partition
+from rmr.radio.links import Disturbance, deafened, muted, partition
 from rmr_world.finding import FilePath
 from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
 from rmr_world.schema import FaultSpec, LinkSpec, RadioSpec
@@ -39,9 +39,18 @@ def timed_faults(
     elif spec.outage is not None:
         yield from (((*path, "outage"), Outage(start, end, robot)) for robot in spec.outage or roster)
     elif spec.partition is not None:
-        yield (*path, "partition"), partition(spec.partition, start, end)
+        yield (*path, "partition"), partition(spec.partition, start, end)._replace(one_way=spec.one_way)
+    elif spec.mute is not None or spec.deaf is not None:
+        yield from _mute_or_deaf(spec, path, roster)
     else:
         yield (*path, "link"), _disturbance(spec)._replace(since=start, until=end)
+
+
+def _mute_or_deaf(spec: FaultSpec, path: FilePath, roster: Sequence[int]) -> Iterator[tuple[FilePath, Disturbance]]:
+    """Yield the cut of all frames from or to one robot; none in a lab without other robots."""
+    for key, robot, cut in (("mute", spec.mute, muted), ("deaf", spec.deaf, deafened)):
+        if robot is not None and any(other != robot for other in roster):
+            yield (*path, key), cut(robot, roster, spec.from_ or 0, spec.to or NEVER)
 
 
 def _disturbance(spec: LinkSpec | FaultSpec) -> Disturbance:

@@ -18,10 +18,11 @@ from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
-from rmr_world.lab import KEYED, Fault, Lab, Localisation, RadioSettings, RobotStart
+from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart
 from rmr_world.lab_geometry import area_of, grid_poses, obstacle_of
+from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import StatedFact
-from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec, near_miss
+from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec
 from rmr_world.validate.fault_specs import permanent_faults, timed_faults
 from rmr_world.validate.schema_conformance import SchemaResult
 
@@ -78,6 +79,7 @@ class LabDraft:
             seed=spec.seed,
             duration=spec.duration,
             finish=spec.finish or "",
+            quorum=spec.quorum,
             arena=self.arena,
             robots=tuple(robot for _, robot in self.robots),
             facts=tuple(spec.facts),
@@ -85,6 +87,7 @@ class LabDraft:
             localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
             faults=tuple(fault for fault in faults if not isinstance(fault, Disturbance)),
             disturbances=tuple(fault for fault in faults if isinstance(fault, Disturbance)),
+            loads=tuple(ProgramLoad(load.at, folder / load.program, tuple(load.robots or ())) for load in spec.loads),
             path=self.path,
             actions=None if spec.actions is None else folder / spec.actions,
             events=None if spec.events is None else folder / spec.events,

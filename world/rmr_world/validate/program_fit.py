@@ -6,14 +6,14 @@ Each check takes the lab and its program and yields the errors of one rule.
 from collections.abc import Iterator
 from itertools import count
 
+from rmr.analysis.area_uses import LINEUP, AreaUse, area_uses, areas_in_fact
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Base, Kind, Program, Type
 from rmr.bytecode.provided import PREDICATES
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab
+from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import Range, StatedFact
-from rmr_world.schema import near_miss
-from rmr_world.validate.area_uses import LINEUP, AreaUse, area_uses, areas_in_fact
 
 PROVIDED_FACTS = tuple(PREDICATES)
 """Facts that a robot states whether or not the program mentions them."""

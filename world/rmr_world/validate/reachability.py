@@ -11,6 +11,7 @@ program names: of the latter each must have a way from at least one robot.
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Program
@@ -19,7 +20,6 @@ from rmr.node.motion.grid import RELAXED_M, TIGHT_MARGIN_M, grid_of
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
-from rmr_world.validate.area_uses import area_uses
 
 PLANS_MAX = 200
 """Calls of the planner; beyond them a way is assumed. A lab with so many places without a way has enough errors."""

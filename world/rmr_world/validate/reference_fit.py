@@ -12,7 +12,8 @@ from rmr.bytecode.program import Constant
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_world.finding import Finding
 from rmr_world.lab import PROGRAM_SUFFIXES, Kill, Restart
-from rmr_world.schema import near_miss
+from rmr_world.near_miss import near_miss
+from rmr_world.quorum import ALL
 from rmr_world.validate.lab_draft import LabDraft
 
 
@@ -66,6 +67,20 @@ def finish_area_fits(draft: LabDraft) -> Iterator[Finding]:
         yield draft.error(("finish",), message)
 
 
+def quorum_fits(draft: LabDraft) -> Iterator[Finding]:
+    """`quorum` goes with `finish`, and asks for no more robots than there are."""
+    quorum = draft.spec.quorum
+    if quorum == ALL or "robots" in draft.cut:
+        return
+    if not draft.spec.finish:
+        if "finish" not in draft.cut:
+            yield draft.error(("quorum",), "says how many robots hold the finish fact: add finish, or leave it out")
+    elif isinstance(quorum, int) and quorum > len(draft.robots):
+        robots = len(draft.robots)
+        there = "is 1 robot" if robots == 1 else f"are {robots} robots"
+        yield draft.error(("quorum",), f"{quorum} robots cannot finish: there {there} in this lab")
+
+
 def fault_robots_known(draft: LabDraft) -> Iterator[Finding]:
     """Each robot that a fault names is in the lab, and named once."""
     for path, fault in draft.faults:
@@ -104,11 +119,28 @@ def disturbance_count(draft: LabDraft) -> Iterator[Finding]:
         yield draft.error(("faults",), message)
 
 
+def loads_known(draft: LabDraft) -> Iterator[Finding]:
+    """Each load names a program file that exists, and robots of the lab."""
+    for i, load in enumerate(draft.spec.loads):
+        path = draft.path.parent / load.program
+        if path.suffix not in PROGRAM_SUFFIXES:
+            yield draft.error(
+                ("loads", i, "program"), f"a program is a file with the suffix .rmr or .rbc, not {path.name}"
+            )
+        elif not path.exists():
+            yield draft.error(("loads", i, "program"), f"there is no file {path}")
+        for robot in load.robots or ():
+            if draft.robot_is_unknown(robot):
+                yield draft.error(("loads", i, "robots"), f"robot {robot} is not in this lab")
+
+
 CHECKS = (
+    loads_known,
     program_suffix,
     user_files_exist,
     fact_owners_known,
     finish_area_fits,
+    quorum_fits,
     fault_robots_known,
     kills_and_restarts_alternate,
     disturbance_count,

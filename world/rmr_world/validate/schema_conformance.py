@@ -14,7 +14,8 @@ from pydantic_core import ErrorDetails
 
 from rmr_world.document import Document
 from rmr_world.finding import END_LINE, FilePath, Finding, LabError
-from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema, near_miss
+from rmr_world.near_miss import near_miss
+from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema
 from rmr_world.validate.schema_hints import hint
 from rmr_world.validate.schema_lookup import schema_items, schema_keys
 

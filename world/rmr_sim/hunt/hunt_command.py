@@ -1,0 +1,188 @@
+"""What `rmr sim LAB --hunt` does. Standard output has the findings alone; progress goes to standard error."""
+
+import argparse
+import json
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any, TextIO
+
+from rmr.base.time import NS_PER_S
+from rmr.entry import ExitCode
+from rmr_sim.arguments import command_of, cores
+from rmr_sim.hunt.hunt_names import METHODS
+from rmr_sim.hunt.hunt_report import budget_words, finding_entry, finding_lines, hunt_document, lab_text
+from rmr_sim.hunt.hunt_search import HuntSearch, Quarry, RunBatch
+from rmr_sim.hunt.hunt_trial import Trial, TrialOutcome, lost, runner, tried
+from rmr_sim.interruption import Interruption
+from rmr_sim.run_setup import LoadedLab
+from rmr_sim.worker_pool import WorkerPool
+
+HUNT_FILE = "hunt.json"
+BUDGET_NS = 600 * NS_PER_S
+"""Budget of a hunt that names none."""
+PROGRESS_FIRST_S = 10.0
+"""Time of the first line of progress, where standard error is no terminal; the time doubles with each line."""
+PROGRESS_PERIOD_S_MAX = 600.0
+"""Longest time between two lines of progress."""
+REFRESH_S = 0.2
+"""Period of the line of progress on a terminal."""
+
+
+def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
+    """HuntSearch until the budget is over or enough is found; return the exit code: 1 if anything was found."""
+    lab = loaded.lab
+    loaded.simulation(arguments.seed)  # what is wrong with the user's files shows here, once
+    quarry = Quarry(
+        lab.seed if arguments.seed is None else arguments.seed, arguments.properties, arguments.methods or METHODS
+    )
+    budget = _Budget(arguments.runs, arguments.budget)
+    print(f"hunting for {budget_words(budget.runs, budget.time_ns)}", file=sys.stderr)
+    found: list[dict[str, Any]] = []
+    jobs = arguments.jobs or cores()
+    with Interruption() as interruption, _batches(loaded, jobs, interruption) as run_batch, _progress() as tell:
+        search = HuntSearch(lab, quarry, run_batch, lambda runs: 0 if interruption.came else budget.left(runs))
+        search.told = lambda: tell(_state(search, len(found)))
+        for finding in search.findings():
+            number = len(found) + 1
+            file = folder / f"found-{number}.yaml"
+            command = _repeating(arguments, file)
+            found.append(finding_entry(lab, finding, command))
+            if not arguments.json:
+                lines = finding_lines(lab, number, finding, command, ended=not interruption.came)
+                print("\n".join(lines), file=out, flush=True)
+            _write(file, lab_text(lab, finding, folder))
+            if len(found) >= arguments.findings:
+                break
+    document = hunt_document(lab, quarry, _command(arguments, quarry), search.runs, search.closest_m, found)
+    text = json.dumps(document, indent=1)
+    if arguments.json:
+        print(text, file=out)
+    written = _write(folder / HUNT_FILE, text + "\n")
+    where = f"; {folder / HUNT_FILE} has all of it" if written else ""
+    took = f"{search.runs} runs in {budget.took_s:.0f} s"
+    ended = "interrupted: " if interruption.came else ""
+    print(f"{ended}{took}; {len(found) or 'nothing'} found{where}", file=sys.stderr)
+    return ExitCode.FAILED if found or interruption.came or not written else 0
+
+
+def _write(file: Path, text: str) -> bool:
+    """Write `text` to `file`; return whether that was possible. What it has is on standard output as well."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    except OSError as error:
+        print(f"rmr sim: cannot write {file}: {error.strerror}", file=sys.stderr)
+        return False
+    return True
+
+
+def _repeating(arguments: argparse.Namespace, file: Path) -> str:
+    """Return the command that repeats a finding from its lab file."""
+    return command_of(argparse.Namespace(**{**vars(arguments), "lab": file, "strict": True}))
+
+
+def _command(arguments: argparse.Namespace, quarry: Quarry) -> str:
+    """Return the command that repeats the hunt."""
+    words = [command_of(arguments), "--hunt", "--seed", str(quarry.seed), "--findings", str(arguments.findings)]
+    if arguments.runs is not None:
+        words += ["--runs", str(arguments.runs)]
+    words += ["--properties", shlex.quote(",".join(quarry.properties))]
+    if arguments.methods is not None:
+        words += ["--methods", ",".join(quarry.methods)]
+    return " ".join(words)
+
+
+class _Budget:
+    """How long a hunt goes on."""
+
+    def __init__(self, runs: int | None, time_ns: int | None) -> None:
+        """Both are bounds; without any of them the time is `BUDGET_NS`."""
+        self.runs = runs
+        self.time_ns = BUDGET_NS if runs is None and time_ns is None else time_ns
+        self._began_s = time.monotonic()
+
+    @property
+    def took_s(self) -> float:
+        """Time since the beginning, seconds."""
+        return time.monotonic() - self._began_s
+
+    def left(self, runs: int) -> int:
+        """Return how many more runs there may be after `runs`."""
+        if self.time_ns is not None and self.took_s * NS_PER_S >= self.time_ns:
+            return 0
+        return sys.maxsize if self.runs is None else max(0, self.runs - runs)
+
+
+# -- running trials -----------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _batches(loaded: LoadedLab, jobs: int, interruption: Interruption) -> Iterator[RunBatch]:
+    """Yield the function that runs trials, in this process or in `jobs` others."""
+    if jobs == 1:
+        yield partial(_in_turn, loaded, interruption)
+        return
+    with WorkerPool(jobs, partial(runner, loaded.lab.path, loaded.options), lost) as pool:
+        yield partial(_in_order, pool, interruption)
+
+
+def _in_turn(loaded: LoadedLab, interruption: Interruption, trials: Sequence[Trial]) -> Iterator[TrialOutcome]:
+    for trial in trials:
+        if interruption.came:
+            return
+        yield tried(loaded, trial)
+
+
+def _in_order(
+    pool: WorkerPool[Trial, TrialOutcome], interruption: Interruption, trials: Sequence[Trial]
+) -> Iterator[TrialOutcome]:
+    """Yield the outcomes in the order of the trials, up to the first that an interruption has left out."""
+    known = dict(pool.outcomes(trials, interruption))
+    for index in range(len(trials)):
+        if index not in known:
+            return
+        yield known[index]
+
+
+# -- progress -----------------------------------------------------------------------------------------------------
+
+
+def _state(search: HuntSearch, found: int) -> str:
+    """Return the line of progress."""
+    reducing = f", reducing a finding: {search.shrink_runs} runs" if search.shrink_runs else ""
+    return f"{search.runs} runs, closest call {100 * search.closest_m:.1f} cm, {found} found{reducing}"
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Show the state of a hunt: one line that changes on a terminal, lines at growing intervals elsewhere."""
+    began_s = time.monotonic()
+    next_s = PROGRESS_FIRST_S if not sys.stderr.isatty() else 0.0
+    with ExitStack() as stack:
+        status = stack.enter_context(_status() if sys.stderr.isatty() else nullcontext())
+
+        def tell(text: str) -> None:
+            nonlocal next_s
+            took_s = time.monotonic() - began_s
+            if took_s < next_s:
+                return
+            line = f"{text}, after {took_s:.0f} s"
+            if status is None:
+                print(line, file=sys.stderr, flush=True)
+                next_s = took_s + min(took_s, PROGRESS_PERIOD_S_MAX)
+            else:
+                status.update(line)
+                next_s = took_s + REFRESH_S
+
+        yield tell
+
+
+def _status() -> Any:
+    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
+
+    return Console(stderr=True).status("hunting")

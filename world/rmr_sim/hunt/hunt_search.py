@@ -1,0 +1,183 @@
+"""The search: rounds, each of which begins with a run without faults of another seed.
+
+A round keeps a corpus of good runs. A candidate is a good run's fault list and the harms of one attack on what that run
+rested on: so the first candidates have one attack, later ones two or more, each of which takes away what saved the
+robots from those before. Runs in which robots came closest are extended first. Candidates are run in batches, and
+outcomes are taken in the order of the candidates: a hunt depends on its seed, never on the number of processes.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from rmr.base.streams import stream
+from rmr_sim.hunt.candidates import ALONE, attacked
+from rmr_sim.hunt.harm import Harm, possible
+from rmr_sim.hunt.hunt_trial import ERROR, Broken, Trial, TrialOutcome
+from rmr_sim.hunt.shrinking import Harms, shrunk
+from rmr_world.lab import Lab
+
+ROUND_RUNS = 96
+"""Candidates of one run seed: enough for a few pairs, few enough to see many seeds."""
+BATCH = 16
+"""Candidates that are drawn from one state of the corpus, and shared by the processes."""
+CORPUS_MAX = 16
+"""Good runs of a round that are extended: those in which robots came closest."""
+HARMS_MAX = 6
+"""Bound of the harms of one candidate."""
+EXTENDED = 0.6
+"""Probability that a candidate extends a run with faults, not the one without."""
+DRAWS_MAX = 100
+"""Draws for one candidate: of a list that is new and possible."""
+SEED_MAX = 1_000_000
+"""Greatest run seed of the rounds after the first."""
+SHRINK_RUNS_MAX = 300
+"""Bound of the runs that one reduction takes."""
+
+RunBatch = Callable[[Sequence[Trial]], Iterator[TrialOutcome]]
+"""Runs trials and yields their outcomes in order; it may end early."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quarry:
+    """What a hunt looks for, and how."""
+
+    seed: int
+    properties: tuple[str, ...]
+    methods: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class HuntFinding:
+    """A fault list that breaks a property."""
+
+    seed: int
+    """Of the run."""
+    harms: Harms
+    """The smallest list found."""
+    broken: Broken
+    """What the run with `harms` broke."""
+    runs: int
+    """Runs of the hunt until the property was broken first."""
+    shrink_runs: int
+    """Runs that the reduction took."""
+    at_first: Harms
+    """The list that broke the property first."""
+
+
+@dataclass(slots=True)
+class _Round:
+    """The good runs of one seed."""
+
+    seed: int
+    corpus: list[TrialOutcome]
+    tried: set[Harms] = field(default_factory=set)
+    left: int = ROUND_RUNS
+
+
+class HuntSearch:
+    """One hunt."""
+
+    def __init__(self, lab: Lab, quarry: Quarry, run_batch: RunBatch, goes_on: Callable[[int], int]) -> None:
+        """`goes_on` returns how many more runs there may be after so many; 0 ends the hunt."""
+        self._lab = lab
+        self._quarry = quarry
+        self._run_batch = run_batch
+        self._goes_on = goes_on
+        self._chance = stream(f"{quarry.seed}/hunt")
+        self._methods = [name for name in quarry.methods if len(lab.roster) > 1 or name in ALONE]
+        self.runs = 0
+        """Runs so far, without those of reductions."""
+        self.shrink_runs = 0
+        """Runs of the reduction under way."""
+        self.closest_m = 1.0
+        """Smallest gap of two robots in a good run, metres."""
+        self.told: Callable[[], None] = lambda: None
+        """Called after each run."""
+
+    def findings(self) -> Iterator[HuntFinding]:
+        """Yield what is found, at most one for each round."""
+        seed = self._quarry.seed
+        while self._goes_on(self.runs):
+            found = self._round(seed)
+            if found is not None:
+                yield found
+            seed = self._chance.randint(1, SEED_MAX)
+
+    def _round(self, seed: int) -> HuntFinding | None:
+        current = _Round(seed, [])
+        trials = [self._trial(seed, ())]
+        while trials:
+            for outcome in self._run_batch(trials):
+                self.runs += 1
+                self.told()
+                if outcome.broken is not None:
+                    return self._finding(outcome)
+                self._keep(current, outcome)
+            if not current.corpus:  # interrupted
+                return None
+            count = min(BATCH, current.left, self._goes_on(self.runs))
+            current.left -= count
+            trials = [trial for _ in range(count) if (trial := self._candidate(current)) is not None]
+        return None
+
+    def _trial(self, seed: int, harms: Harms) -> Trial:
+        return Trial(seed, harms, self._quarry.properties)
+
+    def _keep(self, current: _Round, outcome: TrialOutcome) -> None:
+        """Add a good run to the corpus; the one without faults stays first."""
+        self.closest_m = min(self.closest_m, outcome.closest_m)
+        base = current.corpus[:1]
+        rest = [*current.corpus[1:], outcome] if base else []
+        rest.sort(key=lambda one: one.closest_m)  # stable: of equal ones the first comes first
+        current.corpus = [*(base or [outcome]), *rest[: CORPUS_MAX - 1]]
+
+    def _candidate(self, current: _Round) -> Trial | None:
+        """Return a trial with a list of harms that is new and possible; None if none is found."""
+        chance = self._chance
+        for _ in range(DRAWS_MAX):
+            parent = current.corpus[0]
+            if len(current.corpus) > 1 and chance.random() < EXTENDED:
+                parent = current.corpus[1 + int((len(current.corpus) - 1) * chance.random() ** 2)]
+            added = attacked(parent.supports, self._lab.roster, self._methods, chance)
+            harms = (*parent.trial.harms, *added)
+            new = tuple(sorted(harms, key=_order)) not in current.tried
+            if new and len(harms) <= HARMS_MAX and possible(harms, self._lab):
+                current.tried.add(tuple(sorted(harms, key=_order)))
+                return self._trial(current.seed, harms)
+        return None
+
+    def _finding(self, outcome: TrialOutcome) -> HuntFinding:
+        """Return the smallest list that breaks the same property as `outcome`."""
+        assert outcome.broken is not None
+        runs = self.runs
+        best = outcome
+        self.shrink_runs = 0
+
+        def first_breaking(candidates: Sequence[Harms]) -> int | None:
+            nonlocal best
+            allowed = [(i, harms) for i, harms in enumerate(candidates) if possible(harms, self._lab)]
+            if not allowed or self.shrink_runs >= SHRINK_RUNS_MAX:
+                return None
+            trials = [self._trial(outcome.trial.seed, harms) for _, harms in allowed]
+            for (index, _), one in zip(allowed, self._run_batch(trials), strict=False):
+                self.shrink_runs += 1
+                self.told()
+                if _same(one.broken, outcome.broken):
+                    best = one
+                    return index
+            return None
+
+        if outcome.broken.name != ERROR:
+            shrunk(outcome.trial.harms, first_breaking)
+        assert best.broken is not None
+        shrink_runs = self.shrink_runs
+        self.shrink_runs = 0
+        return HuntFinding(outcome.trial.seed, best.trial.harms, best.broken, runs, shrink_runs, outcome.trial.harms)
+
+
+def _same(one: Broken | None, other: Broken | None) -> bool:
+    return one is not None and other is not None and one.name == other.name
+
+
+def _order(harm: Harm) -> tuple[str, tuple[int, ...], int, int, float]:
+    return harm.kind.value, harm.robots, harm.since_ms, harm.until_ms, harm.amount

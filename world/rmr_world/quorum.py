@@ -1,0 +1,49 @@
+"""The quorum of a run: which robots have to hold the finish fact before the run is finished.
+
+    all      every robot of the lab
+    living   every robot that is not dead for good; at least one
+    N        any N robots at one time
+
+A robot is dead for good if its process has ended and will not be started again. A dead robot holds no fact.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Final, Literal
+
+ALL: Final[Literal["all"]] = "all"
+LIVING: Final[Literal["living"]] = "living"
+
+Quorum = Literal["all", "living"] | int
+"""A number is 1 at least."""
+QUORUM_SCHEMA: Final = {"anyOf": [{"enum": [ALL, LIVING]}, {"type": "integer", "minimum": 1}]}
+"""JSON Schema of a quorum."""
+
+
+def quorum_value(value: object) -> Quorum:
+    """Return `value` of a lab file as a quorum. Raises ValueError if it is none."""
+    if value == ALL:
+        return ALL
+    if value == LIVING:
+        return LIVING
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
+        return value
+    raise ValueError("should be all, living, or the number of robots that have to hold the finish fact, 1 at least")
+
+
+def is_met(quorum: Quorum, roster: Iterable[int], dead: Collection[int], holding: Collection[int]) -> bool:
+    """Return whether the robots `holding` the finish fact suffice; `dead` are those that are dead for good."""
+    if isinstance(quorum, int):
+        return len(holding) >= quorum
+    needed = [robot for robot in roster if quorum == ALL or robot not in dead]
+    return bool(needed) and all(robot in holding for robot in needed)
+
+
+def met_at(quorum: Quorum, finishes: Mapping[int, float | None]) -> float | None:
+    """Return when the quorum was met, by the instants from which the robots that count hold the finish fact.
+
+    None if not known: an instant is missing, or there is none.
+    """
+    known = sorted(at for at in finishes.values() if at is not None)
+    if isinstance(quorum, int):
+        return known[quorum - 1] if len(known) >= quorum else None
+    return known[-1] if known and len(known) == len(finishes) else None
