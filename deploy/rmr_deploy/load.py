@@ -1,0 +1,64 @@
+"""The program `rmr-load`: the options of `rmr load`; `rmr_deploy.load_run` carries it out.
+
+Importing this module loads next to nothing (see `rmr.entry`), and its help not the bus.
+"""
+# ruff: noqa: PLC0415
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rmr.entry import run
+
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command, Parser
+
+ABOUT = """\
+Give running robots a new program.
+
+Each robot verifies it; then all switch to it at one instant of lab time, or none does, with the reason for each robot.
+The lab is that of the newest run under way in ./runs, else the one whose world listens at the default endpoint.
+"""
+
+
+def _declare(parser: "Parser") -> None:
+    from rmr.base.ids import listed
+    from rmr.bus.endpoint import DEFAULT_ENDPOINT
+
+    parser.positional("program", "PROG.rbc", read=Path, help="Byte-code, or a source (.rmr), which is compiled.")
+    parser.positional("robot", "ID", read=listed, count="?", usage="[ID]", help="One robot, or 1-9; else all.")
+    parser.option("--robots", metavar="1-9", read=listed, help="The robots that get it; else all of the lab.")
+    parser.choice("--via", ("bus", "radio"), help="How it gets to the robots: bus, or radio from robot to robot.")
+    parser.flag("--dry-run", help="Only say whether the robots could run it, and which facts they would drop.")
+    parser.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}.")
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder.")
+    parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, where no run folder holds it.")
+    parser.option("--lab", metavar="NAME", help="The lab, where several run at one endpoint.")
+    parser.flag("--json", dest="as_json", help="The outcome as JSON.")
+
+
+def command() -> "Command":
+    """Return the command."""
+    from rmr.entry.command_line import Command
+
+    return Command(ABOUT, _declare, _load)
+
+
+def _load(robot: list[int] | None, robots: list[int] | None, **options: Any) -> int:
+    from rmr.entry.command_line import CommandLineError
+    from rmr_deploy.load_run import perform
+
+    if options["connect"] is not None and options["folder"] is not None:
+        raise CommandLineError("say --connect or --run, not both")
+    if robot is not None and robots is not None:
+        raise CommandLineError("say ID or --robots, not both")
+    return perform(robots=robot or robots, **options)
+
+
+def main() -> None:
+    """Run the command; ends the process."""
+    sys.exit(run("rmr load", lambda: command().main(name="rmr load")))
+
+
+if __name__ == "__main__":
+    main()
