@@ -1,31 +1,230 @@
 """The active runs on this machine, found by their run folders: there is no daemon.
 
-`rmr up` leaves in the run folder where its world listens, the ids of its processes and, while it runs, the secret of
-its bus. A run is under way while its launcher lives and no report has been written.
+`rmr up` leaves in the run folder where its world listens, the ids and starts of its processes and, while it runs, the
+secret of its bus. A run is under way while its launcher lives and no report has been written.
+
+A copy of this record lies in a folder of the user's, the register, until the run is over. It leads to the runs of all
+folders, and to the processes of a run whose folder has been removed or cannot be read. Every record is checked against
+the processes themselves: a register that was lost, or a launcher that was killed, leaves nothing that misleads.
 """
 
 import json
 import os
-from collections.abc import Mapping
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from rmr.bus.secret import SECRET_FILE
-from rmr_world.run_report import REPORT_FILE
+from rmr_deploy.process_identity import lives, start_mark
 
 PROCESSES_FILE = "processes.json"
+REPORT_FILE = "report.json"
+"""As `rmr_world.run_report` names it, which takes long to import."""
+LAB_COPY = "lab.json"
+"""The lab as the run took it, in the run folder."""
+SECRET_FILE = "secret"
+"""As `rmr.bus.secret` names it."""
+REGISTER_VARIABLE = "RMR_REGISTER"
+"""Environment variable that names the register's folder."""
+RUNS = Path("runs")
+"""Where `rmr up` makes its run folders."""
+
+
+class RecordedProcess(NamedTuple):
+    """A process of a run, as the record names it."""
+
+    name: str
+    """``launcher``, ``world``, ``robot-4``, ``robot-4.1``, ``robot-1-20``."""
+    pid: int
+    mark: str | None
+    """Its start (`process_identity`); None in records of older versions."""
+
+    @property
+    def lives(self) -> bool:
+        """Whether it runs."""
+        return lives(self.pid, self.mark)
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchedRun:
+    """A run of processes, as its record tells."""
+
+    folder: Path
+    """Its run folder, which may have been removed."""
+    record: Mapping[str, Any]
+
+    @property
+    def lab(self) -> str:
+        """The name of the lab; that of the folder where the record has none."""
+        name = self._lab.get("name")
+        return name if isinstance(name, str) else self.folder.name
+
+    @property
+    def roster(self) -> tuple[int, ...]:
+        """The ids of the robots; empty where the record has none."""
+        roster = self._lab.get("roster")
+        return tuple(one for one in roster if type(one) is int) if isinstance(roster, list) else ()
+
+    @property
+    def endpoint(self) -> str | None:
+        """Where its world listens, or listened."""
+        endpoint = self.record.get("connect")
+        return endpoint if isinstance(endpoint, str) else None
+
+    @property
+    def launcher(self) -> RecordedProcess | None:
+        """The process of `rmr up`."""
+        pid = self.record.get("launcher")
+        return RecordedProcess("launcher", pid, self._mark("launcher")) if type(pid) is int else None
+
+    @property
+    def processes(self) -> list[RecordedProcess]:
+        """The processes that the launcher has started, the world first."""
+        pids = self.record.get("processes")
+        pairs = pids.items() if isinstance(pids, dict) else ()
+        return [RecordedProcess(name, pid, self._mark(name)) for name, pid in pairs if type(pid) is int]
+
+    @property
+    def living(self) -> list[RecordedProcess]:
+        """The processes that the launcher has started and that run."""
+        return [one for one in self.processes if one.lives]
+
+    @property
+    def launched(self) -> bool:
+        """Whether its launcher lives, and had not reported its exit code when the record was read."""
+        return self.exit_code is None and self.launcher is not None and self.launcher.lives
+
+    @property
+    def active(self) -> bool:
+        """Whether any of it runs."""
+        return self.launched or bool(self.living)
+
+    @property
+    def exit_code(self) -> int | None:
+        """The exit code of `rmr up`; None while it runs, or if it was killed."""
+        code = self.record.get("exit_code")
+        return code if type(code) is int else None
+
+    @property
+    def _lab(self) -> Mapping[str, Any]:
+        lab = self.record.get("lab")
+        return lab if isinstance(lab, dict) else {}
+
+    def _mark(self, name: str) -> str | None:
+        marks = self.record.get("started")
+        mark = marks.get(name) if isinstance(marks, dict) else None
+        return mark if isinstance(mark, str) else None
+
+
+# --- writing
 
 
 def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapping[str, Any]) -> None:
-    """Write the endpoint, the ids of the processes and what runs (`lab`) into the run folder. Raises OSError."""
-    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids, "lab": dict(lab)}
-    (folder / PROCESSES_FILE).write_text(json.dumps(record, indent=1) + "\n")
+    """Write the endpoint, the ids of the processes and what runs (`lab`) into the run folder. Raises OSError.
+
+    Called again when a process was started: the starts of those that have ended since are kept.
+    """
+    before = _read(folder).get("started")
+    known = before if isinstance(before, dict) else {}
+    launcher = os.getpid()
+    found = {name: start_mark(pid) or known.get(name) for name, pid in {"launcher": launcher, **pids}.items()}
+    record: dict[str, Any] = {"launcher": launcher, "connect": endpoint, "processes": pids}
+    record |= {"started": {name: mark for name, mark in found.items() if mark}, "lab": dict(lab)}
+    _write(folder / PROCESSES_FILE, record)
+    entry = _entry()
+    if entry is not None:
+        with suppress(OSError):  # without the register the run is found in ./runs
+            _write(entry, {**record, "folder": str(folder.resolve())})
+
+
+def write_end(folder: Path, exit_code: int) -> None:
+    """Note the exit code of the run in its folder, and take it out of the register."""
+    record = _read(folder)
+    with suppress(OSError):  # the folder was removed
+        if record:
+            _write(folder / PROCESSES_FILE, record | {"exit_code": exit_code})
+    entry = _entry()
+    if entry is not None:
+        with suppress(OSError):
+            entry.unlink(missing_ok=True)
+
+
+def _write(path: Path, record: Mapping[str, Any]) -> None:
+    draft = path.with_suffix(".new")
+    draft.write_text(json.dumps(record, indent=1) + "\n")
+    with suppress(OSError):  # the age of a record is that of its run
+        os.utime(draft, ns=(path.stat().st_atime_ns, path.stat().st_mtime_ns))
+    draft.replace(path)
+
+
+# --- the register
+
+
+def _entry() -> Path | None:
+    folder = register()
+    return None if folder is None else folder / f"{os.getpid()}.json"
+
+
+def register() -> Path | None:
+    """Return the register's folder, which nobody else can write; None if there can be none."""
+    named = os.environ.get(REGISTER_VARIABLE)
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if named:
+        folder = Path(named)
+    elif runtime and Path(runtime).is_dir():
+        folder = Path(runtime) / "rmr"
+    else:
+        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"rmr-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    return folder if ours else None
+
+
+def _registered() -> Iterator[LaunchedRun]:
+    folder = register()
+    for path in sorted(folder.glob("*.json")) if folder is not None else ():
+        record = _read_file(path)
+        where = record.get("folder")
+        run = LaunchedRun(Path(where if isinstance(where, str) else "?"), record)
+        if run.active:
+            yield run
+        else:  # its launcher was killed, and nothing is left of it
+            with suppress(OSError):
+                path.unlink()
+
+
+# --- reading
+
+
+def active_runs(runs: Path = RUNS) -> list[LaunchedRun]:
+    """Return the runs of which any process lives: those of the register, and those in `runs`; the oldest first."""
+    found = {run.folder: run for run in _registered()}
+    for folder in _folders(runs):
+        run = recorded_run(folder)
+        if run.folder not in found and run.active:
+            found[run.folder] = run
+    return sorted(found.values(), key=lambda run: (_written(run.folder), str(run.folder)))
+
+
+def past_runs(runs: Path = RUNS) -> list[LaunchedRun]:
+    """Return the runs in `runs` of which no process lives, the oldest first."""
+    return [run for run in map(recorded_run, reversed(_folders(runs))) if not run.active]
+
+
+def recorded_run(folder: Path) -> LaunchedRun:
+    """Return the run in `folder`; its record is empty if no processes ran there."""
+    return LaunchedRun(folder.resolve(), _read(folder))
 
 
 def endpoint_of(folder: Path) -> str | None:
     """Return where the world of the run in `folder` listens, or listened; None if no processes ran there."""
-    endpoint = _read(folder).get("connect")
-    return endpoint if isinstance(endpoint, str) else None
+    return recorded_run(folder).endpoint
 
 
 def lab_of_run(folder: Path) -> dict[str, Any]:
@@ -36,7 +235,7 @@ def lab_of_run(folder: Path) -> dict[str, Any]:
 
 def under_way(folder: Path) -> bool:
     """Return whether the run in `folder` goes on: its launcher lives, and there is no report yet."""
-    return not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher"))
+    return not (folder / REPORT_FILE).exists() and recorded_run(folder).launched
 
 
 def secret_of(folder: Path) -> Path | None:
@@ -47,17 +246,23 @@ def secret_of(folder: Path) -> Path | None:
 
 def newest_run(runs: Path) -> Path | None:
     """Return the folder of the newest run under way, of those in `runs`."""
+    return next(filter(under_way, _folders(runs)), None)
+
+
+def _folders(runs: Path) -> list[Path]:
+    """Return the folders in `runs` in which processes ran, the newest first."""
     folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}")]
-    for folder in sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True):
-        if under_way(folder):
-            return folder
-    return None
+    return sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True)
 
 
 def _read(folder: Path) -> dict[str, Any]:
+    return _read_file(folder / PROCESSES_FILE)
+
+
+def _read_file(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads((folder / PROCESSES_FILE).read_text())
-    except (OSError, ValueError):
+        record = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError):
         return {}
     return record if isinstance(record, dict) else {}
 
@@ -68,15 +273,3 @@ def _written(folder: Path) -> int:
         return (folder / PROCESSES_FILE).stat().st_mtime_ns
     except OSError:
         return 0
-
-
-def _lives(pid: object) -> bool:
-    if type(pid) is not int or not 0 < pid < 1 << 31:
-        return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

@@ -7,6 +7,7 @@ import asyncio
 import json
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isinf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -57,7 +58,7 @@ def perform(
     """Send `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
         place = find(connect, folder, secret)
-        keys = _keys(lab)
+        keys = keys_of(lab)
         told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
     except FaultError as error:
         print(f"rmr fault: {error}", file=sys.stderr)
@@ -87,7 +88,8 @@ def find(connect: str | None, folder: Path | None, secret: Path | None) -> World
     return WorldAddress(endpoint, secret or secret_of(where))
 
 
-def _keys(lab: str | None) -> Keys:
+def keys_of(lab: str | None) -> Keys:
+    """Return the keys of `lab`, None: of any. Raises FaultError."""
     try:
         return Keys(lab or ANY_LAB)
     except ValueError as error:
@@ -95,6 +97,16 @@ def _keys(lab: str | None) -> Keys:
 
 
 async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+    endpoint = place.endpoint
+    with opened(place) as bus:
+        if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
+            keys = Keys((await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
+        return await ask_world(bus, keys, question, endpoint)
+
+
+@contextmanager
+def opened(place: WorldAddress) -> Iterator[Bus]:
+    """Open the bus at `place` for an operator, and close it in the end. Raises FaultError."""
     endpoint = place.endpoint
     if missing := unreadable((place.secret,)):
         raise FaultError(missing[0], ExitCode.USAGE)
@@ -112,9 +124,7 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
     except BusError as error:
         raise FaultError(str(error), ExitCode.FAILED) from None
     try:
-        if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
-            keys = Keys((await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
-        return await ask_world(bus, keys, question, endpoint)
+        yield bus
     finally:
         bus.close()
 

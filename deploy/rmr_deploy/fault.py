@@ -37,6 +37,12 @@ def _groups(text: str) -> list[list[int]]:
     return groups
 
 
+def _robots(text: str) -> tuple[int, ...]:
+    from rmr.base.ids import listed
+
+    return listed(text)
+
+
 def _pair(text: str) -> list[list[int]]:
     from rmr_world.units import ids
 
@@ -88,8 +94,26 @@ def _declare_link(parser: "Parser") -> None:
 
 def _declare_partition(parser: "Parser") -> None:
     parser.positional("groups", "A,B.../C,D...", read=_groups)
+    parser.flag("--one-way", help="From an earlier group to a later one only.")
     _declare_length(parser)
     _declare_place(parser)
+
+
+def _declare_victims(parser: "Parser") -> None:
+    """Declare robots of a run that `rmr up` has started on this machine."""
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
+    parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
+    parser.positional("robots", "ROBOT", read=_robots, count="+", usage="ROBOT...")
+
+
+def _declare_spell(parser: "Parser") -> None:
+    _declare_length(parser)
+    _declare_victims(parser)
+
+
+def _declare_slow(parser: "Parser") -> None:
+    parser.option("--every", metavar="T", read=_duration, required=True, help="One tick in each T, such as 100ms.")
+    _declare_spell(parser)
 
 
 # --- subcommands
@@ -111,8 +135,49 @@ def _link(
     return _ask("add", _disturbance(robots, length, _harm(loss, attenuation, cut), one_way=one_way), **place)
 
 
-def _partition(groups: list[list[int]], length: int | None, **place: Any) -> int:
-    return _ask("add", _disturbance(groups, length, (0.0, inf)), **place)
+def _partition(groups: list[list[int]], one_way: bool, length: int | None, **place: Any) -> int:
+    return _ask("add", _disturbance(groups, length, (0.0, inf), one_way=one_way), **place)
+
+
+def _crash(**options: Any) -> int:
+    return _befall("kill", "crash", {}, **options)
+
+
+def _stall(length: int | None, **options: Any) -> int:
+    return _befall("stall", "stall", _seconds(for_s=length), **options)
+
+
+def _slow(length: int | None, every: int, **options: Any) -> int:
+    return _befall("slow", "slow", _seconds(for_s=length, every_s=every), **options)
+
+
+def _outage(length: int | None, **options: Any) -> int:
+    return _befall("outage", "outage", _seconds(for_s=length), **options)
+
+
+def _seconds(**lengths: int | None) -> dict[str, float]:
+    """Return durations in seconds; one that is not said lasts to the run's end."""
+    from rmr.base.time import in_seconds
+    from rmr_deploy.run_requests import FAULT_S_MAX
+
+    return {name: FAULT_S_MAX if length is None else in_seconds(length) for name, length in lengths.items()}
+
+
+def _befall(
+    verb: str,
+    order: str,
+    lengths: dict[str, float],
+    *,
+    robots: list[tuple[int, ...]],
+    folder: Path | None,
+    lab: str | None,
+) -> int:
+    """Have the launcher perform a fault of robots."""
+    from rmr_deploy.robot_orders import give_order
+    from rmr_deploy.run_choice import performed
+
+    ids = [robot for group in robots for robot in group]
+    return performed(f"fault {verb}", lambda: give_order(order, ids, folder=folder, lab=lab, lengths=lengths))
 
 
 def _clear(**place: Any) -> int:
@@ -126,6 +191,10 @@ def _list(**place: Any) -> int:
 Row = tuple[str, Callable[["Parser"], None], Callable[..., int]]
 
 SUBCOMMANDS: dict[str, Row] = {
+    "kill": ("Kill robots, as if they had failed: a restart policy applies.", _declare_victims, _crash),
+    "stall": ("Stop the processes of robots for a while.", _declare_spell, _stall),
+    "slow": ("Let robots run for one tick in each period only.", _declare_slow, _slow),
+    "outage": ("Let robots hear no beacon of the localisation service.", _declare_spell, _outage),
     "radio": ("Disturb all links.", _declare_radio, _radio),
     "link": ("Disturb the link between two robots, both ways.", _declare_link, _link),
     "partition": ("Cut groups of robots off from each other, such as 1-3/4-6.", _declare_partition, _partition),
@@ -139,10 +208,11 @@ SUBCOMMANDS: dict[str, Row] = {
 """Name -> what it does, its options, and what carries it out."""
 
 ABOUT = """\
-Disturb the radio of a lab that runs.
+Break things in a lab that runs: its robots and its radio.
 
-The lab is that of the newest run under way in ./runs, else the one whose world listens at the default endpoint.
-Each command shows what disturbs the radio then.
+For kill, stall, slow and outage the lab is the only one that runs on this machine. For the radio it is that of the
+newest run under way in ./runs, else the one whose world listens at the default endpoint, and each command shows what
+disturbs the radio then.
 """
 
 

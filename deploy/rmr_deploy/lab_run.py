@@ -24,19 +24,24 @@ from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import LAUNCHER_PROCESS
 from rmr.record.run_about import about_run
-from rmr_deploy.launch import LabRun, RunOutcome
+from rmr_deploy.active_runs import write_end
+from rmr_deploy.detached import DetachedOutput
+from rmr_deploy.launch import LabRun
 from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
+from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import make_screen, table
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.faults import process_run_faults
 from rmr_world.incarnations import merged_report, with_lost_jobs
+from rmr_world.lab import Lab
 from rmr_world.missed_hint import missed_hint
-from rmr_world.run_warnings import run_warnings
+from rmr_world.quorum import ALL, met_at
+from rmr_world.run_warnings import run_warnings, unhandled_failures
 
 
-def perform(options: RunOptions) -> int:
-    """Run a lab as `options` say; return the exit code."""
+def perform(options: RunOptions, background: DetachedOutput | None = None) -> int:
+    """Run a lab as `options` say, perhaps in the `background`; return the exit code."""
     try:
         plan = make_plan(options, color=sys.stderr.isatty())
     except RunRefusedError as refusal:
@@ -44,31 +49,41 @@ def perform(options: RunOptions) -> int:
         return refusal.exit_code
     if plan.program.warnings:
         print(plan.program.warnings.rstrip("\n"), file=sys.stderr)
-    if plan.lab.faults:
-        print(
-            f"{plan.lab.path}: faults: kill, restart, stall, slow and outage befall simulated robots alone (rmr sim); "
-            "this run goes without them",
-            file=sys.stderr,
-        )
+    if plan.lab.loads:
+        print(f"rmr up: the loads in {plan.lab.path} happen in rmr sim only; here there is rmr load", file=sys.stderr)
     if plan.lab.events is not None:
         print(
             f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", file=sys.stderr
         )
+    code: int = ExitCode.FAILED
     try:
-        outcome, record = asyncio.run(run_and_report(plan))
+        if background is not None:
+            background.begin(plan.folder, plan.lab.name, len(plan.lab.roster))
+        code = _run(plan, background)
+    finally:
+        write_end(plan.folder, code)
+    return code
+
+
+def _run(plan: RunPlan, background: DetachedOutput | None) -> int:
+    """Run, report and tell; return the exit code."""
+    try:
+        outcome, record = asyncio.run(run_and_report(plan, background))
     except OSError as error:
         print(f"rmr up: {error}", file=sys.stderr)
         return ExitCode.FAILED
     tell(record, outcome, plan)
-    return exit_code(outcome, record, strict=options.strict) if outcome.report_error is None else ExitCode.FAILED
+    code = exit_code(outcome, record, strict=plan.options.strict)
+    return code if outcome.report_error is None else ExitCode.FAILED
 
 
-async def run_and_report(plan: RunPlan) -> tuple[RunOutcome, dict[str, Any]]:
+async def run_and_report(plan: RunPlan, background: DetachedOutput | None = None) -> tuple[RunOutcome, dict[str, Any]]:
     """Run, and write the report while signals are still in the run's hands: an impatient Ctrl-C loses nothing.
 
     A report that cannot be written does not keep the table back. Raises OSError when a process cannot be started.
     """
     run = LabRun(plan, make_screen(json=plan.options.as_json))
+    run.events.heard = None if background is None else background.heard
     outcome = await run.go()
     record = make_report(plan, outcome, run.monitor)
     try:
@@ -123,7 +138,9 @@ def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -
     """Return the exit code of a run."""
     if outcome.invalid and outcome.ready_s is None:
         return ExitCode.INVALID
-    if not outcome.finished or outcome.died:
+    if not outcome.finished or (set(outcome.died) - outcome.excused and record["quorum"] == ALL):
+        return ExitCode.FAILED
+    if unhandled_failures(record):
         return ExitCode.FAILED
     imperfect = record["deadlines"]["missed"] or record["collisions"]
     return ExitCode.STRICT if strict and imperfect else ExitCode.OK
@@ -143,14 +160,18 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         mode="processes",
         seed=plan.lab.seed,
         finished=outcome.finished,
-        time_s=time_s(parts, outcome, monitor),
+        time_s=time_s(plan.lab, parts, outcome, monitor),
         wall_s=outcome.wall_s,
         robots=parts,
         truth=truth(monitor),
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
+        dead=outcome.dead,
     )
     added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
     disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    for entry in outcome.faults:
+        if "to" in entry:  # one that was to last to the end of the run
+            entry["to"] = max(entry["from"], min(entry["to"], round(monitor.now_s, 3) if monitor else 0.0))
     told["faults"] = sorted(
         [*disturbances, *outcome.faults], key=lambda entry: float(entry.get("at", entry.get("from")))
     )
@@ -167,11 +188,14 @@ def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:
     return merged_report(past, present)
 
 
-def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, monitor: StatusMonitor | None) -> float:
-    """Return lab seconds from the first tick to the last robot's finish, or to the end of a run without one."""
-    finishes = [part.get("finish_s") for part in parts.values()]
-    if outcome.finished and finishes and None not in finishes:
-        return float(max(finish for finish in finishes if finish is not None))
+def time_s(
+    lab: Lab, parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, monitor: StatusMonitor | None
+) -> float:
+    """Return lab seconds from the first tick until the quorum was met, or to the end of a run where it was not."""
+    finishes = {robot: part.get("finish_s") for robot, part in parts.items() if robot not in outcome.dead}
+    met = met_at(lab.quorum, finishes) if outcome.finished else None
+    if met is not None:
+        return float(met)
     return monitor.now_s if monitor else 0.0
 
 

@@ -6,34 +6,44 @@
 - *Start.* The world is the router and starts first. Robots are started at once and connect when it listens, so that
   the start takes as long as its slowest process. The lab clock begins when every robot is ready
   (``rmr-world --when-ready``).
-- *End.* A run is over when every robot holds the finish fact, when the lab's duration has passed, or when a process
-  has died. Robots stop before the world, which tells the final state last.
-- ``--keep-going``: a run goes on without a robot that died. A person may start that robot again by hand: from its
-  liveliness token on it counts like any other, but its process is not a child of the launcher, which cannot end it.
+- *End.* A run is over when the robots of the lab's quorum hold the finish fact, when the lab's duration has passed, or
+  when a process has died. Robots stop before the world, which tells the final state last.
+- ``--keep-going``, or a quorum other than `all`: a run goes on without a robot that died. A person may start that
+  robot again by hand: from its liveliness token on it counts like any other, but its process is not a child of the
+  launcher, which cannot end it.
 
 Every wait is bounded by a named constant.
 """
 
 import asyncio
 import signal
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
+from rmr_deploy.event_log import EventLog
+from rmr_deploy.fault_schedule import FaultSchedule
+from rmr_deploy.outages import ask_outage
 from rmr_deploy.page_start import PageStart, open_page
 from rmr_deploy.preparation import RunPlan, free_port
+from rmr_deploy.process_commands import agent_command, world_command
 from rmr_deploy.process_faults import ProcessFaults
-from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how, said
-from rmr_deploy.run_requests import end_requests, serve_requests
+from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
+from rmr_deploy.program_watch import watched
+from rmr_deploy.restarts import Restarts
+from rmr_deploy.run_end import judged_end, names, patiently, unready
+from rmr_deploy.run_outcome import RunOutcome
+from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
+from rmr_deploy.run_status import told_facts, told_status
+from rmr_deploy.run_sweep import sweep
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world.quorum import ALL
 
 POLL_S = 0.05
 """Period with which the states of processes are polled: the exit of one is reported within this time."""
@@ -54,33 +64,6 @@ DRAW_S = 0.2
 """Period with which the robots' lines on the screen are redrawn."""
 
 
-@dataclass(slots=True)
-class RunOutcome:
-    """What came of a run."""
-
-    finished: bool = False
-    """Every robot of the lab held the finish fact (or the lab asks for none and its duration has passed)."""
-    reason: str = ""
-    """Why the run ended, for people."""
-    interrupted: bool = False
-    hurried: bool = False
-    """Interrupted twice: everything was killed at once."""
-    invalid: bool = False
-    """A process refused the program or the lab."""
-    died: dict[str, int] = field(default_factory=dict)
-    """Exit codes of the processes that ended before their time, by name."""
-    ready_s: float | None = None
-    """Wall time from the start of the first process until all were ready."""
-    wall_s: float = 0.0
-    """Wall time of the whole run."""
-    faults: list[dict[str, Any]] = field(default_factory=list)
-    """Faults of processes on request, in the form of a lab file's entries."""
-    report_error: str | None = None
-    """Why the report could not be written."""
-    recording: list[str] = field(default_factory=list)
-    """What is missing in the recording, in sentences."""
-
-
 class LabRun:
     """A run in progress."""
 
@@ -88,15 +71,20 @@ class LabRun:
         self.plan = plan
         self.outcome = RunOutcome()
         self.monitor: StatusMonitor | None = None
+        self.events = EventLog(plan.folder, self._lab_s)
         self._screen = screen
         self._page: PageStart | None = None
         self._processes = ProcessGroup()
         self._world: Child | None = None
         self._robots: dict[int, Child] = {}
         self.faults = ProcessFaults(
-            self._robots, self._start_again, lambda: self.monitor.now_s if self.monitor else 0.0
+            self._robots,
+            lambda robot, name: self._start_again((robot,), name),
+            lambda: self.monitor.now_s if self.monitor else 0.0,
         )
         self.outcome.faults = self.faults.entries
+        self.restarts = Restarts(plan.options.restart, self._start_again)
+        self.schedule = FaultSchedule(plan.lab.faults, self._order)
         self._returned: set[int] = set()
         """Robots whose process died and whose place a process that was started by hand has taken."""
         self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
@@ -111,7 +99,11 @@ class LabRun:
         try:
             self._page = open_page(self.plan, self._screen.say)
             self._start()
+            page = {} if self._page is None else {"page": self._page.address}
+            self.events.note("started", f"lab {self.plan.lab.name} starts", connect=self._endpoint, **page)
             await self._attend()
+            self.outcome.dead = [robot for robot in self.plan.lab.roster if not self._is_there(robot)]
+            self.events.note("over", self.outcome.reason, finished=self.outcome.finished, reason=self.outcome.reason)
             await self._stop()
         finally:
             self._screen.close()
@@ -122,7 +114,7 @@ class LabRun:
                 self.monitor.close()
             self.plan.secret.unlink(missing_ok=True)
             self.outcome.wall_s = time.monotonic() - self._began
-        self._sweep()
+        sweep(self.plan, self._processes, self.outcome.died, self.monitor, self._screen.say)
         return self.outcome
 
     def _interrupt(self, signal_name: str) -> None:
@@ -147,14 +139,26 @@ class LabRun:
             ids = spelled(robots)
             child = self._child(f"robot-{ids}", f"robots-{ids}", agent_command(plan, robots, endpoint))
             self._robots |= dict.fromkeys(robots, child)
-        pids = {child.name: child.pid for child in self._processes.children}
-        lab = {"file": str(plan.lab.path.resolve()), "robots": len(plan.lab.robots), "seed": plan.lab.seed}
-        write_processes(plan.folder, endpoint, pids, lab)
+        self._record_processes()
 
-    def _start_again(self, robot: int, name: str) -> Child:
+    def _record_processes(self) -> None:
+        """Write the processes into the run folder. Raises OSError."""
+        lab = self.plan.lab
+        pids = {child.name: child.pid for child in self._processes.children}
+        about = {"name": lab.name, "file": str(lab.path.resolve()), "robots": len(lab.robots), "seed": lab.seed}
+        write_processes(self.plan.folder, self._endpoint, pids, about | {"roster": list(lab.roster)})
+
+    def _start_again(self, robots: Sequence[int], name: str) -> Child:
+        """Start the process `name`, which is `robots` from now on. Raises OSError."""
         part = name.replace("robot-", "robots-", 1)
-        child = self._child(name, part, agent_command(self.plan, (robot,), self._endpoint), threaded=True)
-        self._screen.say(f"robot {robot} is started again, pid {child.pid}")
+        child = self._child(name, part, agent_command(self.plan, robots, self._endpoint), threaded=True)
+        self._robots |= dict.fromkeys(robots, child)
+        with suppress(OSError):  # the run folder was removed: the process ends with the launcher all the same
+            self._record_processes()
+        self._screen.say(f"{names(robots)} is started again, pid {child.pid}")
+        for robot in robots:
+            message = f"robot {robot} is started again"
+            self.events.note("robot_started", message, robot=robot, process=name, pid=child.pid)
         return child
 
     def _child(self, name: str, part: str, command: Sequence[str], *, threaded: bool = False) -> Child:
@@ -182,7 +186,10 @@ class LabRun:
         if not self.outcome.reason:
             self.outcome.ready_s = time.monotonic() - self._began
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
-            await self._until(self._finished)
+            ready_s = round(self.outcome.ready_s, 3)
+            self.events.note("ready", f"{len(roster)} robots are ready", ready_s=ready_s)
+            with watched(self.plan, self._endpoint, self._screen.say):
+                await self._until(self._finished)
 
     def _take_monitor(self, opened: asyncio.Task[StatusMonitor]) -> None:
         """Take the launcher's session on the bus, or the reason for which the router refused it."""
@@ -193,29 +200,28 @@ class LabRun:
 
     def _finished(self) -> bool:
         """Whether the run has reached its end in good order."""
-        monitor = self.monitor
-        lab = self.plan.lab
         outcome = self.outcome
-        assert monitor is not None
+        assert self.monitor is not None
         living = self._living()
-        absent = sorted(set(lab.roster) - set(living))
-        if lab.finish and monitor.finished(living):
-            outcome.finished = not absent
-            outcome.reason = "every robot holds the finish fact"
-            if absent:
-                outcome.reason = f"every robot that lives holds the finish fact; {_names(absent)} died"
-        elif monitor.now >= lab.duration:
-            outcome.finished = not lab.finish and not absent
-            outcome.reason = f"the lab's duration of {self.plan.duration_s:g} s has passed"
-        if outcome.finished and outcome.died:
-            outcome.reason += f"; {', '.join(outcome.died)} died on the way and was started again"
+        outcome.finished, outcome.reason = judged_end(self.plan.lab, self.monitor, living)
+        absent = set(self.plan.lab.roster) - set(living)
+        back = sorted(set(outcome.died) - {self._robots[robot].name for robot in absent})
+        if outcome.finished and back:
+            outcome.reason += f"; {', '.join(back)} died on the way and was started again"
         return bool(outcome.reason)
 
     def _living(self) -> tuple[int, ...]:
         return tuple(robot for robot in self._robots if self._lives(robot))
 
     def _lives(self, robot: int) -> bool:
-        return robot in self._returned or self._robots[robot].name not in self.outcome.died
+        return self._is_there(robot) or self._will_start(robot)
+
+    def _is_there(self, robot: int) -> bool:
+        return self._robots[robot].name not in self.outcome.died or robot in self._returned
+
+    def _will_start(self, robot: int) -> bool:
+        """Whether a robot that is dead will be started again, by the policy or a fault of the lab file."""
+        return self.restarts.waits(robot) or self.schedule.will_restart(robot)
 
     async def _until(self, claim: Callable[[], bool]) -> None:
         """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
@@ -230,24 +236,57 @@ class LabRun:
     def _check_processes(self) -> None:
         """Set the reason to end the run early, if there is one: an exit, an interruption, a limit."""
         elapsed_s = time.monotonic() - self._began
-        serve_requests(self.plan.folder, self.faults.perform)
+        self._report_exits()  # before requests: the process that follows must find its predecessor retired
+        serve_requests(self.plan.folder, self._answer)
         self.faults.resume()
-        self._report_exits()
+        for problem in self.restarts.start_due():
+            self._screen.say(problem)
+        if self.monitor is not None and self._lab_s() is not None:
+            for message, entry in self.schedule.perform_due(self.monitor.now):
+                self._screen.say(message)
+                self.events.note("fault", message, fault=entry)
         self._note_returned()
         if self.outcome.reason:
             return
         if self.outcome.interrupted:
             self.outcome.reason = "interrupted"
         elif self.outcome.ready_s is None and elapsed_s > READY_S_MAX:
-            self.outcome.reason = f"not ready within {READY_S_MAX:g} s: {', '.join(self._unready())}"
+            self.outcome.reason = (
+                f"not ready within {READY_S_MAX:g} s: {', '.join(unready(self.monitor, self.plan.lab))}"
+            )
         elif elapsed_s > self._limit_s:
             self.outcome.reason = f"not finished within {self._limit_s:g} s of wall time"
 
-    def _unready(self) -> list[str]:
+    def _answer(self, request: Mapping[str, Any]) -> Answer:
+        """Carry out a request, or answer a question."""
+        if request.get("do") == "status":
+            children = self._processes.children
+            living = self._living()
+            paused = self.faults.paused
+            return told_status(self.plan, children, self._robots, self.monitor, living=living, paused=paused)
+        if request.get("do") == "facts":
+            return told_facts(self.monitor, request.get("robot"))
+        return self._order(request)
+
+    def _order(self, request: Mapping[str, Any]) -> str:
+        """Carry out a request; return why it is refused, or nothing."""
+        robot = request.get("robot")
+        if type(robot) is int and robot in self._returned:
+            return f"robot {robot} is a process that was started by hand"
+        if request.get("do") == "outage":
+            refused = ask_outage(self.monitor, self.plan.lab.roster, request, self.faults.entries)
+        else:
+            refused = self.faults.perform(request)
+        if not refused and type(robot) is int:
+            self.restarts.forget(robot)
+            fields = {key: request[key] for key in REQUEST_FIELDS if key in request}
+            self.events.note("request", f"{request['do']} robot {robot}", **fields)
+        return refused
+
+    def _lab_s(self) -> float | None:
+        """Return lab time in seconds; None before it runs."""
         monitor = self.monitor
-        if monitor is None:
-            return ["the world does not answer"]
-        return [f"robot {robot}" for robot in self.plan.lab.roster if not monitor.ready((robot,))]
+        return monitor.now_s if monitor is not None and monitor.running(self.plan.lab.roster) else None
 
     def _report_exits(self) -> None:
         """Show an exit report of each process that has ended since the last poll; end the run unless it goes on."""
@@ -258,10 +297,19 @@ class LabRun:
             self.outcome.died[child.name] = code
             self.outcome.invalid |= code == ExitCode.INVALID
             self._screen.say(exit_report(child))
+            self.events.note(
+                "process_ended", f"{child.name} {how(code)}", process=child.name, pid=child.pid, exit_code=code
+            )
+            robots = self._robots_of(child)
             if self.monitor is not None:
-                for robot in self._robots_of(child):
+                for robot in robots:
                     self.monitor.retire(robot)
-        on_purpose = self.plan.options.keep_going or all(child.name in self.faults.killed for child in news)
+            by_hand = child.name in self.faults.killed
+            replaced = not by_hand and self.restarts.failed(child, code, robots) is not None
+            if by_hand or replaced or child.name in self.faults.crashed:
+                self.outcome.excused.add(child.name)
+        may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
+        on_purpose = may_die or all(child.name in self.outcome.excused for child in news)
         if news and not (on_purpose and self._can_go_on()):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
@@ -275,25 +323,27 @@ class LabRun:
             if here and robot not in self._returned:
                 self._returned.add(robot)
                 self._screen.say(f"robot {robot} is back: another process has taken its place")
+                self.events.note("robot_back", f"robot {robot} is back", robot=robot)
             elif robot in self._returned and not here:
                 self._returned.discard(robot)
                 monitor.retire(robot)
                 self._screen.say(f"robot {robot} has left again")
+                self.events.note("robot_left", f"robot {robot} has left again", robot=robot)
 
     def _robots_of(self, child: Child) -> list[int]:
         return [robot for robot, one in self._robots.items() if one is child]
 
     def _can_go_on(self) -> bool:
-        return self.outcome.ready_s is not None and "world" not in self.outcome.died and bool(self._living())
+        ready = self.outcome.ready_s is not None or self.plan.options.restart is not None
+        return ready and "world" not in self.outcome.died and bool(self._living())
 
     def _draw(self, *, now: bool = False) -> None:
         if not now and time.monotonic() < self._drawn + DRAW_S:
             return
         self._drawn = time.monotonic()
-        monitor = self.monitor
-        roster = self.plan.lab.roster
-        lab_s = monitor.now_s if monitor is not None and monitor.running(roster) else None
-        self._screen.show(lab_s, [self._line(robot) for robot in roster])
+        lines = [self._line(robot) for robot in self.plan.lab.roster]
+        self._screen.show(self._lab_s(), lines)
+        self.events.note_states((line.robot, line.state) for line in lines)
 
     def _line(self, robot: int) -> RobotLine:
         if not self._lives(robot):
@@ -310,16 +360,15 @@ class LabRun:
         if monitor is not None and not self._gone(self._world):  # without the router no message arrives
             for robot in self.plan.lab.roster:
                 monitor.ask_to_stop(robot, self.outcome.reason)
-            await self._patiently(lambda: all(self._is_final(robot) for robot in self._robots))
+            await patiently(lambda: all(self._is_final(robot) for robot in self._robots), FINAL_S_MAX)
             self._report_silent()
             await self._processes.left(robots, LEAVE_S_MAX)
         await self._end(robots, asked=not self._gone(self._world))
         assert self._world is not None
         if monitor is not None:
             monitor.ask_world_to_stop(self.outcome.reason)
-            await self._patiently(
-                lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(self._world)
-            )
+            told = lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(self._world)  # noqa: E731
+            await patiently(told, FINAL_S_MAX)
             await self._processes.left([self._world], LEAVE_S_MAX)
         await self._end([self._world], asked=monitor is not None)
 
@@ -342,54 +391,9 @@ class LabRun:
         silent = [robot for robot in self._robots if not self._is_final(robot)]
         if silent and not self.outcome.hurried:
             self._screen.say(
-                f"{_names(silent)} did not tell the end within {FINAL_S_MAX:g} s: the report has what was told before"
+                f"{names(silent)} did not tell the end within {FINAL_S_MAX:g} s: the report has what was told before"
             )
 
     @staticmethod
     def _gone(child: Child | None) -> bool:
         return child is None or child.exit_code() is not None
-
-    @staticmethod
-    async def _patiently(claim: Callable[[], bool]) -> None:
-        end = time.monotonic() + FINAL_S_MAX
-        while not claim() and time.monotonic() < end:
-            await asyncio.sleep(POLL_S)
-
-    def _sweep(self) -> None:
-        """Show the errors of processes that exited in order; remove their plain output, which their logs hold, too."""
-        for child in self._processes.children:
-            if child.name not in self.outcome.died:
-                for line in said(child.output):
-                    self._screen.say(f"{child.name}: {line}")
-                with suppress(OSError):
-                    child.output.unlink()
-        end_requests(self.plan.folder)
-        if not self.plan.logs.is_dir():
-            self._screen.say(f"{self.plan.folder} was removed during the run: its logs and compiled program are lost")
-        for name, why in self.monitor.cut_logs() if self.monitor is not None else ():
-            self._screen.say(f"the log of {name} is cut short: {why}")
-
-
-def _names(robots: Sequence[int]) -> str:
-    """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
-    return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
-
-
-def world_command(plan: RunPlan, endpoint: str) -> list[str]:
-    """Return the command that starts the world."""
-    lab = plan.lab
-    options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
-    return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
-
-
-def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:
-    """Return the command that starts the process of the robots `robots`."""
-    actions = ["--actions", str(plan.options.actions)] if plan.options.actions else []
-    key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
-    options = ["--id", spelled(robots), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
-    return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]
-
-
-def python(module: str) -> list[str]:
-    """Return the command that runs `module` with this interpreter; -P: without the current folder in its path."""
-    return [sys.executable, "-P", "-m", module]

@@ -7,8 +7,10 @@ pattern are judged against the program. `RunRefusedError` carries the message an
 
 import contextlib
 import socket
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
@@ -18,6 +20,8 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import LAUNCHER_PROCESS, PARTS_FOLDER
 from rmr.record.run_about import about_run
 from rmr.record.run_files import attach_files
+from rmr_deploy.resolved_lab import write_lab
+from rmr_deploy.restart_policy import RestartPolicy
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path, load_lab
@@ -56,8 +60,12 @@ class RunOptions:
     record: Path | None = None
     """The recording, in place of `run.mcap` in the run folder."""
     no_record: bool = False
+    durable: bool = False
+    """Whether robots keep their state over a restart."""
     keep_going: bool = False
     """Whether the others go on when a robot has died."""
+    restart: RestartPolicy | None = None
+    """When a robot that has failed is started again."""
     view: bool = False
     """Whether the run has a page, even where standard output is no terminal."""
     no_view: bool = False
@@ -66,6 +74,12 @@ class RunOptions:
     """The page's port; None: a free one."""
     control: bool = False
     """Whether the page may add faults."""
+    watch: bool = False
+    """Whether the program is compiled and loaded when its source is saved."""
+
+
+STATES_FOLDER: Final = "state"
+"""Folder in the run folder with a folder for the state of each robot, where these are durable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +108,13 @@ class RunPlan:
     def logs(self) -> Path:
         """The folder of the logs, one JSON-lines file per process."""
         return self.folder / "logs"
+
+    def state(self, robots: Sequence[int]) -> list[str]:
+        """Return the words of a process's command by which its `robots` are durable; none if they are not."""
+        if not self.options.durable:
+            return []
+        states = self.folder / STATES_FOLDER
+        return ["--state", str(states if len(robots) > 1 else states / str(robots[0]))]
 
     def part(self, process: str) -> Path | None:
         """Return the file in which `process` records its part of the run; None if nothing is recorded."""
@@ -130,6 +151,7 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
         _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)
+        write_lab(plan.lab, plan.folder)
         _begin_recording(plan)
     except RunFolderError as error:
         raise RunRefusedError(str(error), ExitCode.USAGE) from error

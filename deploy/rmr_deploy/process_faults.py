@@ -1,23 +1,49 @@
-"""Faults of robot processes on request: kill, restart, stall. The launcher carries them out (`run_requests`).
+"""Orders about the processes of robots: kill, stop, start, restart, pause, and faults. The launcher carries them out.
 
-A robot that was killed counts as died, as with ``--keep-going``: the run goes on without it, or with the process that
-is started in its place. Its name gets a number: ``robot-3`` is followed by ``robot-3.1``.
+A crash is a kill that stands for a failure of the robot: the restart policy applies to it, as it does not to what a
+person has killed. A slow process is stopped and continued in turn, so that it runs for one tick in each period.
+
+A robot that was killed or stopped counts as died, as with ``--keep-going``: the run goes on without it, or with the
+process that is started in its place. Its name gets a number: ``robot-3`` is followed by ``robot-3.1``.
+
+What is done to a process like a fault of the lab file is noted in `entries`, in the form of such a file, for report
+and recording: a pause is a stall whose length is known when it is over.
 """
 
+import asyncio
 import signal
 import time
 from collections.abc import Callable, Mapping
-from math import isfinite
-from typing import Any
+from math import inf, isfinite
+from typing import Any, TypeGuard
 
 from rmr_deploy.process_group import Child
+from rmr_deploy.restarts import next_name
+from rmr_deploy.run_requests import FAULT_S_MAX
 
-STALL_S_MAX = 86_400.0
-"""Length of a stall at most."""
+TURN_S = 1 / 60
+"""How long a slow process runs in each period: one tick."""
+
+OWN_ORDERS = {signal.SIGSTOP: "pause", signal.SIGCONT: "unpause"}
+"""Signals that have an order of their own, which keeps account of them."""
+
+
+class Paused:
+    """A process that is stopped for a while."""
+
+    def __init__(self, robot: int, child: Child, since_s: float, until: float, entry: dict[str, Any] | None) -> None:
+        self.robot = robot
+        self.child = child
+        self.since_s = since_s
+        """Lab time of its beginning."""
+        self.until = until
+        """When it goes on, on the monotonic clock."""
+        self.entry = entry
+        """Its entry, if its end is known."""
 
 
 class ProcessFaults:
-    """The faults of one run's processes."""
+    """The faults of one run's processes, and orders about them."""
 
     def __init__(
         self, robots: dict[int, Child], start: Callable[[int, str], Child], now_s: Callable[[], float]
@@ -30,10 +56,18 @@ class ProcessFaults:
         self._start = start
         self._now_s = now_s
         self.killed: set[str] = set()
-        """Names of the processes that were killed on request."""
+        """Names of the processes that were killed or stopped on request."""
+        self.crashed: set[str] = set()
+        """Names of the processes that were killed by a fault."""
         self.entries: list[dict[str, Any]] = []
         """What was done, in the form of a lab file's faults."""
-        self._stalled: dict[str, tuple[Child, float]] = {}
+        self._paused: dict[str, Paused] = {}
+        self._slowed: dict[str, asyncio.Task[None]] = {}
+
+    @property
+    def paused(self) -> list[str]:
+        """The names of the processes that are stopped for a while."""
+        return list(self._paused)
 
     def perform(self, request: Mapping[str, Any]) -> str:
         """Carry out a request; return why it is refused, or nothing."""
@@ -45,39 +79,136 @@ class ProcessFaults:
         if others:
             return f"robot {robot} shares its process with {others} more: start the run without --processes"
         dead = child.exit_code() is not None
-        match request.get("do"):
-            case "kill":
-                return f"robot {robot} is dead already" if dead else self._kill(robot, child)
-            case "restart":
-                return self._restart(robot, child) if dead else f"robot {robot} lives: kill it before it is restarted"
-            case "stall":
-                return f"robot {robot} is dead" if dead else self._stall(robot, child, request.get("for_s"))
-        return "unknown request"
+        do = request.get("do")
+        if do in ("start", "restart"):
+            if dead:
+                return self._restart(robot, child)
+            runs = {"start": "runs already", "restart": "lives: kill it before it is restarted"}
+            return f"robot {robot} {runs[do]}"
+        if dead:
+            return f"robot {robot} is dead{' already' if do in ('kill', 'stop', 'crash') else ''}"
+        length = request.get("for_s")
+        orders: dict[object, Callable[[], str]] = {
+            "kill": lambda: self._kill(robot, child, request.get("signal")),
+            "crash": lambda: self._crash(robot, child),
+            "stop": lambda: self._stop(child),
+            "stall": lambda: self._stall(robot, child, length),
+            "slow": lambda: self._slow(robot, child, length, request.get("every_s")),
+            "pause": lambda: self._pause(robot, child),
+            "unpause": lambda: self._unpause(robot, child),
+        }
+        order = orders.get(do) if isinstance(do, str) else None
+        return "unknown request" if order is None else order()
 
-    def _kill(self, robot: int, child: Child) -> str:
+    def _kill(self, robot: int, child: Child, number: object) -> str:
+        if number is None:
+            number = signal.SIGKILL
+        if type(number) is bool or not isinstance(number, int) or number not in signal.valid_signals():
+            return "there is no such signal"
+        if number in OWN_ORDERS:
+            return f"{signal.Signals(number).name} is sent by the order {OWN_ORDERS[signal.Signals(number)]}"
         self.killed.add(child.name)
+        self._continue(child.name)
+        child.process.send_signal(number)
+        self.entries.append({"at": self._stamp(), "kill": robot})
+        return ""
+
+    def _crash(self, robot: int, child: Child) -> str:
+        self.crashed.add(child.name)
+        self._continue(child.name)
         child.process.send_signal(signal.SIGKILL)
         self.entries.append({"at": self._stamp(), "kill": robot})
         return ""
 
+    def _stop(self, child: Child) -> str:
+        self.killed.add(child.name)
+        self._continue(child.name)  # a process that is stopped takes no SIGTERM
+        child.process.send_signal(signal.SIGTERM)
+        return ""
+
     def _restart(self, robot: int, child: Child) -> str:
-        base, _, number = child.name.partition(".")
         try:
-            self._robots[robot] = self._start(robot, f"{base}.{int(number or 0) + 1}")
+            self._robots[robot] = self._start(robot, next_name(child.name))
         except OSError as error:
             return f"robot {robot} cannot be started: {error.strerror or error}"
         self.entries.append({"at": self._stamp(), "restart": robot})
         return ""
 
     def _stall(self, robot: int, child: Child, for_s: object) -> str:
-        if not isinstance(for_s, int | float) or not (isfinite(for_s) and 0.0 < for_s <= STALL_S_MAX):
-            return f"a stall lasts up to {STALL_S_MAX:g} s"
-        until = max(time.monotonic() + for_s, self._stalled.get(child.name, (child, 0.0))[1])
-        self._stalled[child.name] = (child, until)
-        child.process.send_signal(signal.SIGSTOP)
+        if not _is_length(for_s):
+            return f"a stall lasts up to {FAULT_S_MAX:g} s"
+        until = time.monotonic() + for_s
+        held = self._paused.get(child.name)
         now_s = self._stamp()
-        self.entries.append({"from": now_s, "to": round(now_s + for_s, 3), "stall": robot})
+        entry = {"from": now_s, "to": round(now_s + for_s, 3), "stall": robot}
+        self.entries.append(entry)
+        if held is None:
+            self._paused[child.name] = Paused(robot, child, now_s, until, entry)
+        else:
+            held.until = max(until, held.until)
+        child.process.send_signal(signal.SIGSTOP)
         return ""
+
+    def _slow(self, robot: int, child: Child, for_s: object, every_s: object) -> str:
+        if not _is_length(for_s):
+            return f"a robot is slow for up to {FAULT_S_MAX:g} s"
+        if not _is_length(every_s) or every_s <= TURN_S:
+            return f"the period of a slow robot is longer than a tick, which takes {TURN_S * 1e3:.1f} ms"
+        if child.name in self._slowed:
+            return f"robot {robot} is slow already"
+        now_s = self._stamp()
+        entry = {"from": now_s, "to": round(now_s + for_s, 3), "slow": robot, "every": every_s}
+        self.entries.append(entry)
+        turns = self._take_turns(child, time.monotonic() + for_s, every_s, entry)
+        task = asyncio.get_running_loop().create_task(turns)
+        self._slowed[child.name] = task
+        task.add_done_callback(lambda _: self._slowed.pop(child.name, None))
+        return ""
+
+    async def _take_turns(self, child: Child, until: float, every_s: float, entry: dict[str, Any]) -> None:
+        """Stop and continue `child` until then; it runs at the end, unless it is paused."""
+        try:
+            while time.monotonic() < until and child.exit_code() is None:
+                child.process.send_signal(signal.SIGSTOP)
+                await asyncio.sleep(min(every_s - TURN_S, max(0.0, until - time.monotonic())))
+                self._unless_paused(child)
+                await asyncio.sleep(TURN_S)
+        except asyncio.CancelledError:
+            entry["to"] = self._stamp()
+            raise
+        finally:
+            self._unless_paused(child)
+
+    def _unless_paused(self, child: Child) -> None:
+        if child.name not in self._paused:
+            child.process.send_signal(signal.SIGCONT)
+
+    def _pause(self, robot: int, child: Child) -> str:
+        if child.name in self._paused:
+            return f"robot {robot} is paused already"
+        self._paused[child.name] = Paused(robot, child, self._stamp(), inf, None)
+        child.process.send_signal(signal.SIGSTOP)
+        return ""
+
+    def _unpause(self, robot: int, child: Child) -> str:
+        if child.name not in self._paused:
+            return f"robot {robot} is not paused"
+        self._continue(child.name)
+        return ""
+
+    def _continue(self, name: str) -> None:
+        """Let a process go on, and note how long it was stopped."""
+        if name in self._slowed:
+            self._slowed[name].cancel()
+        held = self._paused.pop(name, None)
+        if held is None:
+            return
+        now_s = self._stamp()
+        if held.entry is None:
+            self.entries.append({"from": held.since_s, "to": now_s, "stall": held.robot})
+        elif time.monotonic() < held.until:
+            held.entry["to"] = now_s
+        held.child.process.send_signal(signal.SIGCONT)
 
     def _stamp(self) -> float:
         return round(self._now_s(), 3)
@@ -85,7 +216,13 @@ class ProcessFaults:
     def resume(self, *, everything: bool = False) -> None:
         """Let the processes go on whose stall is over, or `everything`."""
         now = time.monotonic()
-        for name, (child, until) in list(self._stalled.items()):
-            if everything or now >= until:
-                del self._stalled[name]
-                child.process.send_signal(signal.SIGCONT)
+        for task in list(self._slowed.values()) if everything else ():
+            task.cancel()
+        for name, held in list(self._paused.items()):
+            if everything or now >= held.until:
+                self._continue(name)
+
+
+def _is_length(value: object) -> TypeGuard[float]:
+    """Whether `value` is a number of seconds that a fault may last."""
+    return isinstance(value, int | float) and isfinite(value) and 0.0 < value <= FAULT_S_MAX

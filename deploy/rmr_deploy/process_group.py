@@ -25,7 +25,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rmr.bus.process import LIFELINE
@@ -61,6 +61,8 @@ class Child:
     process: subprocess.Popen[bytes]
     output: Path
     """Where its standard output and standard error go."""
+    began_s: float = field(default_factory=time.monotonic)
+    """When it was started, on the monotonic clock."""
 
     @property
     def pid(self) -> int:

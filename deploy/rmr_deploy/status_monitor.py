@@ -138,6 +138,10 @@ class StatusMonitor:
         """Ask a robot, or the world, for an orderly end."""
         self._bus.publish(self._keys.stop(who), wire.Stop(reason))
 
+    def silence(self, robot: int, until: Instant) -> None:
+        """Ask the world to let `robot` hear no beacon until then."""
+        self._bus.publish(self._keys.silence, wire.Silence(robot, until))
+
     def ask_world_to_stop(self, reason: str) -> None:
         """Ask the world for an orderly end."""
         self.ask_to_stop(WORLD, reason)

@@ -25,9 +25,12 @@ use the bus of the run, which has a secret (the file secret in the run folder), 
 def _declare(parser: "Parser") -> None:
     from rmr.base.streams import SEED_MAX
     from rmr.entry.command_line import real, whole
+    from rmr_deploy.restart_policy import restart_policy
     from rmr_world.provided_labs import existing_lab
 
     parser.positional("lab", "LAB", read=existing_lab)
+    parser.flag("-d", "--detach", help="Run in the background; the command ends when the processes are started.")
+    parser.flag("--wait", help="Run in the background; the command ends when all robots are ready.")
     parser.option("--robots", metavar="N", read=whole(1), help="The first N robots of the lab only.")
     parser.option("--seed", metavar="S", read=whole(0, SEED_MAX), help="In place of the lab's seed.")
     parser.option("--actions", metavar="FILE.py", read=Path, help="Handlers of the program's actions.")
@@ -42,6 +45,14 @@ def _declare(parser: "Parser") -> None:
     parser.flag("--no-view", help="No page.")
     parser.option("--port", metavar="PORT", read=whole(0, 65535), help="Of the page (default: a free one).")
     parser.flag("--control", help="The page may disturb the radio, and kill, restart and stall robots.")
+    parser.option(
+        "--restart",
+        metavar="POLICY",
+        read=restart_policy,
+        help="on-failure[:N]: start a robot that fails again, N times at most (default: no).",
+    )
+    parser.flag("--durable", help="Robots keep their state in the run folder: one that is started again goes on.")
+    parser.flag("--watch", help="Compile the program when it is saved, and load it onto the running robots.")
     parser.flag("--keep-going", help="Go on without a robot that died; the exit code is 1 all the same.")
 
 
@@ -53,10 +64,16 @@ def _up(**options: Any) -> int:
         raise CommandLineError("--no-view goes without --view, --control and --port")
     if options["record"] is not None and options["no_record"]:
         raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
+    from rmr_deploy.detached import detached_output, start_detached
+
+    background = detached_output()
+    detach, wait = options.pop("detach"), options.pop("wait")
+    if background is None and (detach or wait):
+        return start_detached(wait=wait, as_json=options["as_json"])
     from rmr_deploy.lab_run import perform
     from rmr_deploy.preparation import RunOptions
 
-    return perform(RunOptions(**options))
+    return perform(RunOptions(**options), background)
 
 
 def command() -> "Command":

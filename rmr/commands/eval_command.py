@@ -108,7 +108,7 @@ def _declare_run(parser: Parser) -> None:
         repeatable=True,
         help="Actions that fail: 'charge', 'charge(@2, _)'; with @N the N-th that begins alone. Repeatable.",
     )
-    parser.choice("--strategy", ["random", "textual"], help="Instead of the program's own order.")
+    parser.choice("--strategy", ["random", "textual", "deadline"], help="Instead of the program's own order.")
     parser.choice(
         "--engine",
         ["interpreter", "generated", COLUMNAR],

@@ -12,6 +12,7 @@ from functools import partial
 from importlib import import_module
 
 from rmr.commands.common import become_program
+from rmr.commands.fleet_verbs import FLEET
 from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
 
 COMMANDS: dict[str, str] = {
@@ -29,7 +30,8 @@ COMMANDS: dict[str, str] = {
 
 PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
-    "fault": "Disturb the radio of a lab that runs.",
+    "fault": "Inject faults into a lab that runs: of the radio, and of robots.",
+    "load": "Give running robots a new program.",
     "why": "Say why a fact of a run holds, or why it does not.",
     "sim": "Run a lab deterministically, in virtual time.",
     "new": "Write a lab of your own that runs at once.",
@@ -44,13 +46,14 @@ PROGRAMS: dict[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class ExternalProgram:
-    """A subcommand that becomes the program `rmr-NAME`, which is given all words."""
+    """A subcommand that becomes the program `rmr-NAME`, which is given the words `first` and then all words."""
 
     program: str
+    first: tuple[str, ...] = ()
 
     def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:  # noqa: ARG002 - it knows its name
         """Become the program; ends the process."""
-        become_program(self.program, list(sys.argv[1:] if words is None else words))
+        become_program(self.program, [*self.first, *(sys.argv[1:] if words is None else words)])
 
 
 def _own(name: str) -> Runnable:
@@ -61,5 +64,6 @@ def _own(name: str) -> Runnable:
 command = CommandGroup(
     "One logic program for a whole ensemble of robots, with deadlines that hold.",
     {name: Subcommand(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
-    | {name: Subcommand(summary, partial(ExternalProgram, name)) for name, summary in PROGRAMS.items()},
+    | {name: Subcommand(summary, partial(ExternalProgram, name)) for name, summary in PROGRAMS.items()}
+    | {name: Subcommand(summary, partial(ExternalProgram, "fleet", (name,))) for name, summary in FLEET.items()},
 )

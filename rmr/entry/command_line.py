@@ -114,10 +114,10 @@ class Parser(argparse.ArgumentParser):
         """Declare an option whose value is one of `values`."""
         self.option(name, metavar="|".join(values), help=help, read=one_of(values), default=default)
 
-    def flag(self, name: str, *, help: str, dest: str | None = None) -> None:  # noqa: A002
-        """Declare an option without a value."""
-        self.add_argument(name, action="store_true", help=help.replace("%", "%%"), dest=dest or _attribute(name))
-        self.names[name] = name
+    def flag(self, *names: str, help: str, dest: str | None = None) -> None:  # noqa: A002
+        """Declare an option without a value, its long name last."""
+        self.add_argument(*names, action="store_true", help=help.replace("%", "%%"), dest=dest or _attribute(names[-1]))
+        self.names |= dict.fromkeys(names, names[-1])
 
     def positional(
         self,

@@ -123,9 +123,10 @@ class Stage:
         return self.start("rmr_world.main", "--config", self.folder / "lab.yaml", *where, *options, **how)
 
     def agent(self, robot, *options, program="idle.rbc", **how):
-        """Start a robot."""
+        """Start a robot; without a `program` it waits for one."""
         where = ("--connect", self.endpoint)
-        return self.start("rmr_agent.main", "--id", robot, self.folder / program, *where, *options, **how)
+        words = () if program is None else (self.folder / program,)
+        return self.start("rmr_agent.main", "--id", robot, *words, *where, *options, **how)
 
     def end(self):
         """End everything that was started."""

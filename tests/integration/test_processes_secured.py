@@ -58,6 +58,7 @@ def test_robot_with_an_invalid_key_file_fails_before_connecting(stage):
     assert len(robot.said().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_lab_with_a_key_runs_as_processes_and_the_key_is_in_nothing_that_they_leave(tmp_path):
     lab = tmp_path / "lab"
     shutil.copytree(LABS / "dash", lab)

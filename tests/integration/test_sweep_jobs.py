@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from launched import CORRIDOR, eventually, runs
 
 
@@ -59,6 +60,7 @@ def test_ctrl_c_sums_up_the_runs_that_are_over_and_leaves_no_process_behind(tmp_
         eventually(lambda: not any(map(runs, [*both, *after])))
 
 
+@pytest.mark.slow
 def test_killed_sweep_leaves_no_worker_process(tmp_path):
     with Swept(tmp_path) as swept:
         found = eventually(lambda: (now := workers(swept.process.pid)) and len(now) == 2 and now)

@@ -82,6 +82,7 @@ def test_a_part_of_the_report_larger_than_a_message_arrives(up):
     assert len(run.report()["robots"]["1"]["facts"]) == 16_000
 
 
+@pytest.mark.slow
 def test_with_json_standard_output_is_the_report_and_nothing_else(up):
     run = up(DASH, "--json", "--robots", "1", "--seed", "11")
     assert run.wait() == 0, run.err
@@ -152,6 +153,7 @@ def test_killed_robot_is_announced_and_reported_with_its_last_known_status(up):
     assert run.left() == []
 
 
+@pytest.mark.slow
 def test_a_world_that_is_killed_ends_the_run_with_a_report(up):
     run = up(DASH).running()
     os.kill(run.pids["world"], signal.SIGKILL)
@@ -255,6 +257,7 @@ def test_a_closed_standard_output_neither_ends_the_run_nor_loses_the_report(tmp_
     assert err == ""
 
 
+@pytest.mark.slow
 def test_a_report_that_cannot_be_written_is_named_and_the_table_and_the_json_come_out(up):
     run = up(DASH, "--json").running()
     (run.folder / "report.json").mkdir()
@@ -298,11 +301,24 @@ def test_ctrl_c_twice_stops_at_once(up):
     assert run.left() == []
 
 
-def test_a_fault_in_the_lab_file_is_not_silently_left_out(up, lab):
-    run = up(lab("lab.yaml", "robots:\n", "faults: [{at: 1s, kill: 3}]\nrobots:\n"), "--robots", "3").running()
-    run.interrupt()
-    run.wait(15)
-    assert "befall simulated robots alone (rmr sim); this run goes without them" in run.err
+FAULTS = (
+    "[{at: 500ms, kill: 3}, {at: 1s, restart: 3}, {from: 500ms, to: 1s, stall: 2}, {from: 200ms, to: 1s, outage: 1}]"
+)
+
+
+@pytest.mark.slow
+def test_faults_of_robots_in_the_lab_file_are_performed_on_processes_and_reported(up, lab):
+    text = "lab.yaml", "robots:\n", f"faults: {FAULTS}\nrobot: {{speed: 0.04}}\nrobots:\n"
+    run = up(lab(*text), "--robots", "3").running()
+    assert run.wait(80) == 0, run.out + run.err
+    report = run.report()
+    done = [(one, entry[one]) for entry in report["faults"] for one in entry if one not in ("at", "from", "to")]
+    assert sorted(done) == [("kill", 3), ("outage", 1), ("restart", 3), ("stall", 2)]
+    assert report["robots"]["3"]["restarts"] == 1
+    assert (report["finished"], report["dead"], report["died"]) == (True, [], {"robot-3": -9})
+    events = [json.loads(line) for line in (run.folder / "events.jsonl").read_text().splitlines()]
+    assert [one["fault"] for one in events if one["event"] == "fault"][-1] == {"at": 1.0, "restart": 3}
+    assert "robot 1 hears no beacon until" in (run.folder / "logs" / "world.jsonl").read_text()
 
 
 # --- bad input ----------------------------------------------------------------------------------------------

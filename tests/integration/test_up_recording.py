@@ -40,6 +40,7 @@ def recorded(part: Path) -> int:
         return len(list(recording.messages({"/frames"})))
 
 
+@pytest.mark.slow
 def test_a_finished_run_leaves_one_recording_with_every_channel(up):
     run = up(DASH)
     assert run.wait() == 0, run.out + run.err

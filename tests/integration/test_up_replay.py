@@ -41,6 +41,7 @@ def minds_of(folder):
         return len(minds(recording))
 
 
+@pytest.mark.slow
 def test_minds_of_processes_are_equal_while_they_run_and_afterwards(up):
     run = up(LABS / "dash").running()
     eventually(lambda: minds_of(run.folder) == 3)

@@ -19,7 +19,7 @@ def opened(said: str) -> tuple[Browser, str]:
     """Return the browser and the token of the address that was printed."""
     address = next(line for line in said.splitlines() if "the page: " in line).split("the page: ")[1].strip()
     where, _, token = address.partition("/#token=")
-    return Browser(int(where.rsplit(":", 1)[1])), token
+    return Browser(int(where.rstrip("/").rsplit(":", 1)[1])), token
 
 
 def page_pids(folder: Path) -> list[int]:
@@ -90,6 +90,21 @@ def test_page_of_rmr_up_starts_when_it_is_opened_takes_faults_and_outlives_the_r
     assert browser.get("/api/poses")["t"]
     assert browser.order(token, do="kill", robot=3)[0] == 403
     assert run.left() == []
+
+
+@pytest.mark.timeout(120)
+def test_page_of_a_live_run_without_a_recording_says_what_is_missing(launched):
+    run = launched("--view", "--no-record", "--robots", "2")
+    run.running()
+    browser, _ = opened(run.out)
+    problems = eventually(lambda: browser.get("/api/run")["problems"])
+    assert browser.get("/api/run")["live"] is True
+    assert problems == [
+        "this run is not recorded (--no-record): only poses are shown; trace, radio, logs, facts and explanations are "
+        "missing"
+    ]
+    run.interrupt()
+    run.wait()
 
 
 def dead_and_back(browser, robot):

@@ -11,6 +11,7 @@ from command_runner import invoke
 from rmr import __version__, cli
 from rmr.bytecode.layout import SIZE_MAX
 from rmr.commands import subcommands
+from rmr.commands.fleet_verbs import FLEET
 
 GOOD = "p(R).\np(R) -o q(R).\n"
 DOUBTED = "location(R, s).\nlocation(R, L), L = S -o 1.\n"
@@ -34,9 +35,10 @@ def program(tmp_path):
 def test_help_and_version_name_every_command():
     result = rmr("--help")
     assert result.exit_code == 0
-    for name in (*subcommands.COMMANDS, *subcommands.PROGRAMS):
+    external = {**subcommands.PROGRAMS, **FLEET}
+    for name in (*subcommands.COMMANDS, *external):
         assert f"  {name} " in result.stdout
-        assert name in subcommands.PROGRAMS or rmr(name, "--help").exit_code == rmr(name, "--version").exit_code == 0
+        assert name in external or rmr(name, "--help").exit_code == rmr(name, "--version").exit_code == 0
     assert rmr("--version").stdout == f"rmr {__version__}\n"
 
 
@@ -196,9 +198,15 @@ def test_a_misspelt_command_gets_a_hint():
     assert "did you mean 'check'?" in result.stderr
 
 
-@pytest.mark.parametrize("name", sorted(subcommands.PROGRAMS))
-def test_another_packages_command_becomes_the_program_beside_the_interpreter(name, tmp_path, monkeypatch):
-    script = tmp_path / f"rmr-{name}"
+@pytest.mark.parametrize(
+    ("name", "program", "first"),
+    [
+        *((name, name, "") for name in sorted(subcommands.PROGRAMS)),
+        *((name, "fleet", f"{name} ") for name in sorted(FLEET)),
+    ],
+)
+def test_another_packages_command_becomes_the_program_beside_the_interpreter(name, program, first, tmp_path):
+    script = tmp_path / f"rmr-{program}"
     script.write_text("#!/bin/sh\necho 'ran' \"$@\"\nexit 7\n")
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     started = "import sys; sys.executable = sys.argv.pop(1); from rmr.cli import main; main()"
@@ -216,7 +224,7 @@ def test_another_packages_command_becomes_the_program_beside_the_interpreter(nam
         "y",
     ]
     result = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ})
-    assert (result.returncode, result.stdout) == (7, "ran lab --json --help -x -- y\n")
+    assert (result.returncode, result.stdout) == (7, f"ran {first}lab --json --help -x -- y\n")
 
 
 def test_a_program_that_is_not_installed_is_named(tmp_path, monkeypatch):

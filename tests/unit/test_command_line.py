@@ -10,10 +10,14 @@ from command_runner import invoke
 from rmr import __version__
 from rmr.commands import subcommands
 from rmr.commands.compile_command import command as rmrc
+from rmr.commands.fleet_verbs import FLEET
 from rmr.entry import MEANINGS, ExitCode
 from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, real, whole
 from rmr_agent.main import command as agent
 from rmr_deploy.fault import command as fault
+from rmr_deploy.fleet import VERBS
+from rmr_deploy.fleet import command as fleet
+from rmr_deploy.load import command as load
 from rmr_deploy.up import command as up
 from rmr_deploy.why_program import why_command
 from rmr_lab.commands import command as lab
@@ -32,6 +36,8 @@ PROGRAMS = {
     "rmr sim": sim(),
     "rmr up": up(),
     "rmr fault": fault(),
+    "rmr fleet": fleet(),
+    "rmr load": load(),
     "rmr lab": lab,
     "rmr new": new,
     "rmr plot": plot(),
@@ -64,6 +70,10 @@ def test_the_table_of_this_test_has_every_console_script_and_every_subcommand():
     assert {name.replace(" ", "-") for name in PROGRAMS} == set(scripts)
     assert {f"rmr {name}" for name in subcommands.COMMANDS} < set(EVERY)
     assert len(EVERY) > 30
+
+
+def test_verbs_of_a_fleet_are_subcommands_of_rmr_with_the_same_summary():
+    assert {name: summary for name, (summary, _, _) in VERBS.items()} == FLEET
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -132,7 +142,7 @@ def test_a_misspelt_lab_gets_a_near_miss(name):
 
 def test_what_is_missing_is_named_with_the_usage():
     assert call("rmr-agent").stderr.startswith(
-        "rmr-agent: missing: PROG.rbc, --id\nusage: rmr-agent --id N [OPTIONS] PROG.rbc\n"
+        "rmr-agent: missing: --id\nusage: rmr-agent --id N [OPTIONS] [PROG.rbc]\n"
     )
 
 

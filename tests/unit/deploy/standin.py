@@ -4,6 +4,7 @@
     python standin.py robot --id N --connect ENDPOINT --lab NAME ...
 
 How a robot behaves stands in the environment: ``STANDIN_<id>`` is one of the words of `BEHAVIOURS`.
+``STANDIN_READY`` is a file that is there once the launcher has found all robots ready.
 """
 
 import argparse
@@ -23,21 +24,23 @@ from rmr.bus.session import open_bus, open_when_there
 BEHAVIOURS = {
     "finish": "holds the finish fact soon",
     "refuse": "does not like its program: exit code 3",
-    "crash": "ends with exit code 1 while it runs",
+    "crash": "ends with exit code 1 once all robots run",
     "roam": "never finishes",
     "deaf": "never finishes and does not leave when asked, nor at SIGTERM",
+    "stall": "finishes as soon as the file of STANDIN_RELEASE is there",
     "mute": "says nothing at all",
 }
 
 PERIOD_S = 0.05
 
 
-def report(finished: bool) -> dict:
+def report(number: int, finished: bool) -> dict:
     jobs = [{"name": "crossing", "job": "at(@1, exit)", "start_s": 0.0, "finish_s": 0.3, "deadline_s": 9.0}]
     return {
         "finish_s": 0.3 if finished else None,
         "assertions": [{**job, "met": True, "cause": None} for job in jobs] if finished else [],
         "schedules": [{"event": "crossing(exit)", "leader": 1, "term": 1, "order": [1, 2], "formed_s": 0.1}],
+        "facts": [f"waiting(@{number})"],
         "bus": {"lost": 0, "malformed": 0},
     }
 
@@ -63,15 +66,18 @@ async def robot(options: argparse.Namespace, ending: Ending) -> None:
     while not ending.asked:
         await asyncio.sleep(PERIOD_S)
         turn += 1
-        finished = behaviour == "finish" and turn > 6
+        released = behaviour == "stall" and Path(os.environ["STANDIN_RELEASE"]).exists()
+        finished = released or (behaviour == "finish" and turn > 6)
         state = "ready" if turn < 3 else "finished" if finished else "running"
-        if behaviour == "crash" and turn > 6:
+        if behaviour == "crash" and turn > 6 and Path(os.environ["STANDIN_READY"]).exists():
             print("robot: the wheels came off", file=sys.stderr)
             os._exit(1)
         if behaviour != "mute":
-            said = wire.Status(state, f"turn {turn}", finished, False, seconds(turn * PERIOD_S), report(finished))
+            said = wire.Status(
+                state, f"turn {turn}", finished, False, seconds(turn * PERIOD_S), report(options.id, finished)
+            )
             bus.publish(keys.status(options.id), said)
-    final = wire.Status("stopped", "", finished, True, seconds(turn * PERIOD_S), report(finished))
+    final = wire.Status("stopped", "", finished, True, seconds(turn * PERIOD_S), report(options.id, finished))
     bus.publish(keys.status(options.id), final)
     await asyncio.sleep(PERIOD_S)
     bus.close()

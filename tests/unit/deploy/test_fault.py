@@ -12,7 +12,7 @@ from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.bus.secret import SECRET_FILE, make_secret
-from rmr.radio.links import Disturbance, partition
+from rmr.radio.links import Disturbance, muted, partition
 from rmr_deploy import disturb
 from rmr_deploy.active_runs import PROCESSES_FILE, endpoint_of, newest_run, write_processes
 from rmr_deploy.fault import command
@@ -51,6 +51,7 @@ def asked(monkeypatch):
         ("radio --loss 0.5 --for 0.25", Disturbance(0, 250 * MS, loss=0.5)),
         ("radio --cut", Disturbance(attenuation_db=inf)),
         ("partition 1,2,3/4,5,6", partition([[1, 2, 3], [4, 5, 6]])),
+        ("partition 3/1,2 --one-way", muted(3, (1, 2, 3))),
         ("partition 1-3/4-6/9 --for 1.5min", partition([[1, 2, 3], [4, 5, 6], [9]], 0, 90 * S)),
         ("link 1,2 --loss 0.3", Disturbance(groups=((1,), (2,)), loss=0.3)),
         ("link 2,1 --one-way --attenuation 20", Disturbance(0, NEVER, ((2,), (1,)), True, attenuation_db=20.0)),
@@ -90,7 +91,11 @@ def test_clear_and_list_ask_for_nothing_more(asked, wish):
         ("list --connect tcp/127.0.0.1:9 --run x", "say --connect or --run, not both"),
         ("list --run nowhere", "nowhere is no folder of a run of processes"),
         ("list --lab a/b", "'a/b' cannot name a lab"),
-        ("stall 3", "unknown command 'stall'"),
+        ("stal 3", "unknown command 'stal'; did you mean 'stall'?"),
+        ("stall 3 --for never", "--for: should be a duration"),
+        ("slow 3", "missing: --every"),
+        ("kill", "missing: ROBOT"),
+        ("outage x", "ROBOT"),
     ],
 )
 def test_invalid_fault_arguments_are_wrong_usage(words, said):

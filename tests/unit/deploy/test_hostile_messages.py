@@ -27,6 +27,7 @@ from rmr.bus.line import Line
 from rmr.bus.process import Ending
 from rmr.bus.session import Bus
 from rmr.lang.compiler import compile_source
+from rmr.load.load_messages import LoadKind, LoadMessage
 from rmr.radio.air import Announcement
 from rmr.radio.frame import DataFrame, encode_data
 from rmr.radio.links import Disturbance
@@ -35,8 +36,8 @@ from rmr_agent.bytecode import Loaded
 from rmr_agent.robot import HostedRobot, RobotSetup
 from rmr_deploy import disturb
 from rmr_deploy.lab_run import make_report
-from rmr_deploy.launch import RunOutcome
 from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import printable, table
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
@@ -122,6 +123,10 @@ MESSAGES = [
     wire.AskDisturbances("add", HELD),
     wire.Disturbances("dash", 0, (HELD,), 1, ""),
     wire.Part(1, 0, 2, b"x"),
+    wire.Load(LoadMessage(LoadKind.OFFER, 5, octets=900, piece_octets=90).encode(100)),
+    wire.LoadOrder(b"no program", (1, 2), False, True),
+    wire.LoadOutcome(b"{}", ""),
+    wire.Silence(1, NS_PER_S),
 ]
 
 
@@ -194,11 +199,14 @@ def hosted(process: Process, known: wire.Map) -> HostedRobot:
     assert program is not None
     ending = Ending()
     robot = HostedRobot(
-        1, 1, process.bus, "tcp/127.0.0.1:1", "dash", RobotSetup(Loaded(program, 1), dict, None), ending
+        1, 1, process.bus, "tcp/127.0.0.1:1", "dash", RobotSetup(Loaded(program, 1, b"code"), dict, None), ending
     )
     robot._listen()
     robot._begin(wire.Envelope(wire.WORLD_ID, 9, 1, known))
     return robot
+
+
+HEARD = (wire.Sense, wire.Air, wire.Handshake, wire.Disturbances, wire.Clock, wire.Load, wire.LoadOrder)
 
 
 def test_robot_survives_hostile_messages_on_its_keys():
@@ -213,8 +221,14 @@ def test_robot_survives_hostile_messages_on_its_keys():
         now = time.monotonic_ns()
         life._clock.sample("running", now, NS_PER_S, NS_PER_S, now)
         life.wake()
-        keys = ["rmr/dash/call/1", "rmr/dash/body/1/sense", "rmr/dash/disturbances", "rmr/dash/clock"]
-        for message in of_kind(wire.Sense, wire.Air, wire.Handshake, wire.Disturbances, wire.Clock):
+        keys = [
+            "rmr/dash/call/1",
+            "rmr/dash/body/1/sense",
+            "rmr/dash/disturbances",
+            "rmr/dash/clock",
+            "rmr/dash/load/1",
+        ]
+        for message in of_kind(*HEARD):
             for data in hostile(message):
                 for key in keys:
                     process.hand(key, data)
@@ -256,7 +270,7 @@ def test_world_survives_hostile_messages_on_its_keys():
         server._start()
         for message in MESSAGES:
             for data in hostile(message):
-                for key in ("rmr/dash/body/1/act", "rmr/dash/ops/1/status"):
+                for key in ("rmr/dash/body/1/act", "rmr/dash/ops/1/status", "rmr/dash/silence"):
                     process.hand(key, data)
                 envelope = process.bus._decode(SimpleNamespace(to_bytes=lambda data=data: data))
                 if envelope is not None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -76,6 +77,67 @@ def test_stalled_robot_goes_on_when_its_time_is_over(crew):
 
     crew.wait(goes_on)
     assert crew.faults.entries == [{"from": 4.5, "to": 4.8, "stall": 2}]
+
+
+def test_slow_robot_runs_in_turns_until_its_time_is_over_or_it_is_killed(crew):
+    async def slowed():
+        assert crew.faults.perform({"do": "slow", "robot": 1, "for_s": 60.0, "every_s": 0.05}) == ""
+        assert crew.faults.perform({"do": "slow", "robot": 1, "for_s": 60.0, "every_s": 0.05}) == (
+            "robot 1 is slow already"
+        )
+        assert crew.faults.perform({"do": "slow", "robot": 2, "for_s": 0.2, "every_s": 0.05}) == ""
+        seen = {1: set(), 2: set()}
+        end = asyncio.get_running_loop().time() + 60
+        while not all(len(states) > 1 for states in seen.values()) and asyncio.get_running_loop().time() < end:
+            for robot, states in seen.items():
+                states.add(state(crew.robots[robot]) == "T")
+            await asyncio.sleep(0.005)
+        assert all(len(states) > 1 for states in seen.values()), "both stop and run"
+        assert crew.faults.perform({"do": "stop", "robot": 1}) == ""
+        async with asyncio.timeout(60):
+            while len(asyncio.all_tasks()) > 1 or crew.robots[1].exit_code() is None:
+                await asyncio.sleep(0.01)
+
+    asyncio.run(slowed())
+    assert crew.robots[1].exit_code() == -signal.SIGTERM
+    assert state(crew.robots[2]) != "T"
+    assert crew.faults.entries == [
+        {"from": 4.5, "to": 4.5, "slow": 1, "every": 0.05},
+        {"from": 4.5, "to": 4.7, "slow": 2, "every": 0.05},
+    ]
+
+
+def test_pause_is_a_stall_whose_length_is_known_at_its_end(crew):
+    assert crew.faults.perform({"do": "unpause", "robot": 1}) == "robot 1 is not paused"
+    assert crew.faults.perform({"do": "pause", "robot": 1}) == ""
+    crew.wait(lambda: state(crew.robots[1]) == "T")
+    assert (crew.faults.paused, crew.faults.entries) == (["robot-1"], [])
+    crew.faults.resume()
+    assert crew.faults.perform({"do": "unpause", "robot": 1}) == ""
+    crew.wait(lambda: state(crew.robots[1]) != "T")
+    assert crew.faults.entries == [{"from": 4.5, "to": 4.5, "stall": 1}]
+
+
+def test_crash_is_no_kill_by_a_person(crew):
+    assert crew.faults.perform({"do": "crash", "robot": 1}) == ""
+    crew.wait(lambda: crew.robots[1].exit_code() is not None)
+    assert (crew.faults.killed, crew.faults.crashed) == (set(), {"robot-1"})
+    assert crew.faults.perform({"do": "start", "robot": 1}) == ""
+    assert crew.faults.perform({"do": "start", "robot": 1}) == "robot 1 runs already"
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        ({"do": "slow", "robot": 1, "for_s": 1.0, "every_s": 0.01}, "the period of a slow robot is longer than a tick"),
+        ({"do": "slow", "robot": 1, "for_s": 0.0, "every_s": 1.0}, "a robot is slow for up to 86400 s"),
+        ({"do": "kill", "robot": 1, "signal": 999}, "there is no such signal"),
+        ({"do": "kill", "robot": 1, "signal": True}, "there is no such signal"),
+        ({"do": ["kill"], "robot": 1}, "unknown request"),
+    ],
+)
+def test_order_with_wrong_values_is_refused(crew, request_, why):
+    assert crew.faults.perform(request_).startswith(why)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,140 @@
+"""`rmr attach`: table and report of a lab whose processes were started by hand, as `rmr up` shows those of its own.
+
+It is a client of the bus that watches: robots come and go by their liveliness, and the run is over when the quorum of
+the lab file holds the finish fact, when lab time stops, or on Ctrl-C. It starts and ends no process.
+"""
+
+import asyncio
+import signal
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from rmr.bus import wire
+from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.secret import SecretError, read_secret
+from rmr.bus.session import NotAdmittedError, open_when_there
+from rmr.entry import ExitCode
+from rmr.entry.files import unreadable
+from rmr_deploy.lab_run import make_report
+from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, read_lab, read_program
+from rmr_deploy.run_choice import FleetError
+from rmr_deploy.run_end import judged_end
+from rmr_deploy.run_outcome import RunOutcome
+from rmr_deploy.screen import RobotLine, Screen, make_screen, table
+from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world import run_report
+from rmr_world.lab import Lab
+from rmr_world.lab_file import lab_path
+
+POLL_S = 0.1
+LAST_S = 1.0
+"""Time for the last statuses after the finish: robots tell theirs at least once a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class AttachOptions:
+    """What to attach to, and what to show."""
+
+    lab: Path
+    connect: str
+    secret: Path | None
+    as_json: bool
+    strict: bool
+    timeout_s: float
+    """Limit for the world to answer."""
+
+
+def attach(options: AttachOptions) -> int:
+    """Watch a lab to its end; return the exit code, as `rmr up` would. Raises FleetError."""
+    if missing := unreadable((lab_path(options.lab), options.secret)):
+        raise FleetError(missing[0])
+    try:
+        check_endpoint(options.connect)
+        lab = read_lab(options.lab, None)
+        plan = RunPlan(RunOptions(lab=options.lab), lab, read_program(lab, color=sys.stderr.isatty()), Path())
+        return asyncio.run(_watched(plan, options))
+    except RunRefusedError as refusal:
+        raise FleetError(str(refusal).rstrip("\n"), refusal.exit_code) from None
+    except SecretError as error:
+        raise FleetError(str(error), ExitCode.INVALID) from None
+    except NotAdmittedError as error:
+        raise FleetError(str(error), ExitCode.FAILED) from None
+    except BusError as error:
+        raise FleetError(str(error)) from None
+
+
+async def _watched(plan: RunPlan, options: AttachOptions) -> int:
+    began = time.monotonic()
+    outcome = RunOutcome()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, setattr, outcome, "interrupted", True)
+    monitor = await _monitor(plan.lab, options)
+    screen = make_screen(json=options.as_json)
+    try:
+        await _until_over(plan.lab, monitor, screen, outcome)
+    finally:
+        screen.close()
+    with suppress(TimeoutError):
+        await asyncio.wait_for(_all_told(plan.lab, monitor), LAST_S)
+    outcome.wall_s = time.monotonic() - began
+    outcome.dead = [robot for robot in plan.lab.roster if robot not in monitor.present]
+    record = make_report(plan, outcome, monitor)
+    monitor.close()
+    Console(stderr=options.as_json, highlight=False).print(table(record))
+    print(f"{run_report.summary(record)}\n{outcome.reason}", file=sys.stderr if options.as_json else sys.stdout)
+    if options.as_json:
+        print(run_report.to_json(record), end="")
+    if not outcome.finished:
+        return ExitCode.FAILED
+    imperfect = record["deadlines"]["missed"] or record["collisions"]
+    return ExitCode.STRICT if options.strict and imperfect else ExitCode.OK
+
+
+async def _monitor(lab: Lab, options: AttachOptions) -> StatusMonitor:
+    """Return the monitor once the world's router answers and a process of the lab has told its status."""
+    secret = None if options.secret is None else read_secret(options.secret)
+    opening = open_when_there(wire.OPERATOR_ID, options.connect, lambda: None, secret)
+    try:
+        async with asyncio.timeout(options.timeout_s):
+            monitor = StatusMonitor(await opening, lab.name)
+            while monitor.world is None:
+                await asyncio.sleep(POLL_S)
+    except TimeoutError:
+        message = f"no world of lab {lab.name} answers at {options.connect} within {options.timeout_s:g} s"
+        raise FleetError(message, ExitCode.FAILED) from None
+    return monitor
+
+
+async def _until_over(lab: Lab, monitor: StatusMonitor, screen: Screen, outcome: RunOutcome) -> None:
+    """Show the robots until the run is over; `outcome` says how it ended."""
+    seen: set[int] = set()
+    while not outcome.reason:
+        seen |= monitor.present
+        lines = [RobotLine(robot, *_line(robot, monitor, seen)) for robot in lab.roster]
+        screen.show(monitor.now_s if monitor.running(lab.roster) else None, lines)
+        await asyncio.sleep(POLL_S)
+        if outcome.interrupted:
+            outcome.reason = "interrupted; the lab goes on"
+        elif monitor.world is not None and monitor.world.final:
+            outcome.reason = "the world has ended"
+        elif seen >= {*lab.roster} and monitor.running(lab.roster):
+            living = [robot for robot in lab.roster if robot in monitor.present]
+            outcome.finished, outcome.reason = judged_end(lab, monitor, living) if living else (False, "")
+
+
+def _line(robot: int, monitor: StatusMonitor, seen: set[int]) -> tuple[str, str]:
+    if robot in monitor.present:
+        return monitor.line(robot)
+    return ("died", "") if robot in seen else ("starting", "")
+
+
+async def _all_told(lab: Lab, monitor: StatusMonitor) -> None:
+    """Return when the part of every robot that has finished says when."""
+    while any(monitor.finished((one,)) and monitor.report(one).get("finish_s") is None for one in lab.roster):
+        await asyncio.sleep(POLL_S)

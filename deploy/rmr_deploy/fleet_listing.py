@@ -1,0 +1,162 @@
+"""`rmr ls` and `rmr ps`: the labs that run on this machine, and the processes of one of them.
+
+The launcher tells how its robots are. Where it does not answer, because it is starting, ending or dead, the processes
+of the record are shown, each looked up in the system.
+"""
+
+import json
+import os
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rmr.entry import ExitCode
+from rmr_deploy.active_runs import LaunchedRun, active_runs, past_runs
+from rmr_deploy.process_identity import stat_fields
+from rmr_deploy.run_choice import chosen_run, shown
+from rmr_deploy.run_requests import RequestError, ask_launcher
+
+PATIENCE_S = 1.5
+"""Limit for the launcher's answer, which takes 0.1 s unless the machine is overloaded."""
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return rows of text under a head, in columns."""
+    lines = [list(head), *([("" if cell is None else str(cell)) for cell in row] for row in rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(head))]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
+def length(seconds: float | None) -> str:
+    """Return a duration for people: ``42 s``, ``3 min``, ``2 h``."""
+    if seconds is None:
+        return ""
+    for unit, size in (("d", 86_400), ("h", 3600), ("min", 60)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+# --- ls
+
+
+def list_labs(*, everything: bool, as_json: bool) -> int:
+    """Print the labs that run on this machine, with `everything` those of ./runs that are over, too."""
+    runs = [*(past_runs() if everything else ()), *active_runs()]
+    rows = [_lab_row(run) for run in runs]
+    if as_json:
+        print(json.dumps(rows, indent=2))
+    elif rows:
+        cells = [(row["lab"], row["state"], row["robots"], row["launcher"], row["folder"]) for row in rows]
+        print(table(("LAB", "STATE", "ROBOTS", "LAUNCHER", "RUN"), cells))
+    else:
+        print("no lab runs on this machine; start one with rmr up LAB -d")
+    return ExitCode.OK
+
+
+def _lab_row(run: LaunchedRun) -> dict[str, Any]:
+    launcher = run.launcher
+    if run.launched:
+        state = "running"
+    elif run.living:
+        state = "stranded"  # its launcher is dead
+    elif run.exit_code is None:
+        state = "broken off"
+    else:
+        state = f"ended ({run.exit_code})"
+    return {
+        "lab": run.lab,
+        "state": state if run.folder.is_dir() else f"{state}, folder removed",
+        "robots": len(run.roster),
+        "launcher": launcher.pid if launcher is not None and run.launched else None,
+        "connect": run.endpoint if run.active else None,
+        "folder": shown(run.folder),
+    }
+
+
+# --- ps
+
+
+def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as_json: bool) -> int:
+    """Print the processes of a run, with `everything` also those that have ended. Raises FleetError."""
+    run = chosen_run(folder, lab, past=everything)
+    rows = process_rows(run)
+    if not everything:
+        rows = [row for row in rows if row["exit_code"] is None and row["state"] != "ended"]
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return ExitCode.OK
+    cells = [
+        (row["name"], row["state"], row["pid"], length(row["up_s"]), row["restarts"], row["progress"]) for row in rows
+    ]
+    print(table(("NAME", "STATE", "PID", "UP", "RESTARTS", "DOING"), cells))
+    return ExitCode.OK
+
+
+def told_status(run: LaunchedRun, patience_s: float = PATIENCE_S) -> dict[str, Any] | None:
+    """Return what the launcher tells of its run (`rmr_deploy.run_status`); None if it does not answer."""
+    if not run.launched:
+        return None
+    try:
+        return ask_launcher(run.folder, {"do": "status"}, patience_s)
+    except RequestError:
+        return None
+
+
+def process_rows(run: LaunchedRun) -> list[dict[str, Any]]:
+    """Return a row for each process of the run and robot in it; the launcher and the world come first."""
+    told = told_status(run)
+    if told is None:
+        return [_recorded_row(one.name, one.pid, one.lives) for one in _all(run)]
+    launcher = run.launcher
+    rows = [] if launcher is None else [_recorded_row("launcher", launcher.pid, launcher.lives)]
+    present: dict[str, list[dict[str, Any]]] = {}
+    for robot in told["robots"]:
+        present.setdefault(robot["process"], []).append(robot)
+    for process in told["processes"]:
+        rows += [_row(process, robot) for robot in present.get(process["name"], [{}])]
+    return rows
+
+
+def _all(run: LaunchedRun) -> list[Any]:
+    return [*([run.launcher] if run.launcher is not None else []), *run.processes]
+
+
+def _row(process: dict[str, Any], robot: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of a process, with the state of the `robot` in it; a paused one has no say about that."""
+    says = robot.get("state") if process["state"] == "running" else None
+    code = process["exit_code"]
+    ended = None if code is None else f"ended ({code})" if code >= 0 else f"killed ({-code})"
+    return {
+        "name": process["name"],
+        "robot": robot.get("robot"),
+        "state": ended or says or process["state"],
+        "progress": robot.get("progress", "") if code is None else "",
+        "pid": process["pid"],
+        "up_s": process["up_s"],
+        "restarts": robot.get("restarts"),
+        "ticks_late": robot.get("ticks_late"),
+        "exit_code": code,
+    }
+
+
+def _recorded_row(name: str, pid: int, lives: bool) -> dict[str, Any]:
+    return {
+        "name": name,
+        "robot": None,
+        "state": "running" if lives else "ended",
+        "progress": "",
+        "pid": pid,
+        "up_s": _age_s(pid) if lives else None,
+        "restarts": None,
+        "ticks_late": None,
+        "exit_code": None,
+    }
+
+
+def _age_s(pid: int) -> float | None:
+    fields = stat_fields(pid)
+    if fields is None:
+        return None
+    return float(round(time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK"), 1))

@@ -1,0 +1,67 @@
+"""The identity of a process beyond its id: the instant of its start.
+
+The system gives the id of a process that has ended to another one. A record of processes therefore holds the start
+with each id, and whoever signals a process by a record compares both first.
+"""
+
+import os
+import sys
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+PID_MAX = 1 << 31
+
+
+def start_mark(pid: object) -> str | None:
+    """Return a text that only this process of the id `pid` has; None if there is none, or it has ended.
+
+    On Linux it is the boot's id and the start in clock ticks since the boot (proc(5)), elsewhere what ps(1) tells.
+    """
+    if type(pid) is not int or not 0 < pid < PID_MAX:
+        return None
+    if sys.platform == "linux":
+        fields = stat_fields(pid)
+        return None if fields is None or fields[0] in "ZX" else f"{_boot()}-{fields[19]}"
+    import subprocess  # noqa: PLC0415 - not needed on Linux, where an answer should be quick
+
+    words = ["ps", "-o", "stat=,lstart=", "-p", str(pid)]
+    told = subprocess.run(words, capture_output=True, text=True, check=False).stdout.split(maxsplit=1)
+    return None if len(told) < 2 or told[0].startswith("Z") else told[1].strip()
+
+
+def stat_fields(pid: int) -> list[str] | None:
+    """Return the fields of /proc/PID/stat from the third on, which is the state; None if there is no such process."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+
+
+def lives(pid: object, mark: object = None) -> bool:
+    """Return whether the process `pid` runs, and is the one with the start `mark` (None: unknown)."""
+    found = start_mark(pid)
+    return found is not None and (mark is None or found == mark)
+
+
+def signal_process(pid: int, mark: object, number: int, *, group: bool = False) -> bool:
+    """Send a signal to the process `pid`, with its `group` if it leads one; return whether it is still that process.
+
+    A process without a recorded `mark` gets none, for it cannot be told from another one.
+    """
+    if mark is None or not lives(pid, mark):
+        return False
+    with suppress(ProcessLookupError, PermissionError):
+        if group and os.getpgid(pid) == pid:
+            os.killpg(pid, number)
+        else:
+            os.kill(pid, number)
+    return True
+
+
+@cache
+def _boot() -> str:
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()[:8]
+    except OSError:
+        return "boot"

@@ -1,0 +1,135 @@
+"""`rmr kill`, `stop`, `start`, `restart`, `pause` and `unpause`: orders about robots of a lab that runs.
+
+The launcher carries them out, for it alone may signal its processes and start them again. A verb waits until the order
+has taken effect: until the process has ended, or is started.
+"""
+
+import signal
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rmr.entry import ExitCode
+from rmr_deploy.active_runs import LaunchedRun, recorded_run
+from rmr_deploy.fleet_listing import told_status
+from rmr_deploy.run_choice import FleetError, check_robots, chosen_run
+from rmr_deploy.run_requests import RequestError, UnansweredError, ask_launcher
+
+POLL_S = 0.05
+KILL_S = 5.0
+"""Limit for a process to end after SIGKILL."""
+
+DONE = {
+    "kill": "killed",
+    "stop": "stopped",
+    "start": "started",
+    "restart": "started again",
+    "pause": "paused",
+    "crash": "killed",
+    "stall": "stalled",
+    "slow": "slow",
+    "outage": "without localisation",
+    "unpause": "going on",
+}
+"""What a robot is after an order."""
+
+NAMES = {"crash": "fault kill", "stall": "fault stall", "slow": "fault slow", "outage": "fault outage"}
+"""Orders that are another command than the verb of their name."""
+
+ENDING = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT})
+"""Signals after which the process ends."""
+
+
+def signal_number(text: str) -> int:
+    """Return the number of ``TERM``, ``SIGTERM`` or ``15``. Raises ValueError."""
+    names = {one.name.removeprefix("SIG"): int(one) for one in signal.Signals}
+    number = int(text) if text.isascii() and text.isdecimal() and len(text) < 4 else None
+    found = names.get(text.upper().removeprefix("SIG")) if number is None else number
+    if found is None or found not in signal.valid_signals():
+        raise ValueError("should be a signal, such as KILL, SIGTERM or 15")
+    return found
+
+
+def give_order(
+    verb: str,
+    robots: Sequence[int],
+    *,
+    folder: Path | None,
+    lab: str | None,
+    signal: int | None = None,
+    timeout_s: float = 10.0,
+    force: bool = False,
+    lengths: Mapping[str, float] | None = None,
+) -> int:
+    """Give the order `verb` for each of `robots`; return the exit code. Raises FleetError.
+
+    `lengths` are those of a fault, by the name that they have in a request.
+
+    One that is refused does not keep the others from being carried out.
+    """
+    run = chosen_run(folder, lab)
+    check_robots(run, robots)
+    if not run.launched:
+        raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
+    code = ExitCode.OK
+    more: dict[str, float] = {**(lengths or {}), **({} if signal is None else {"signal": signal})}
+    for robot in robots:
+        try:
+            _order(run, verb, robot, more, timeout_s, force=force)
+        except UnansweredError as error:
+            raise FleetError(str(error), ExitCode.FAILED) from None
+        except RequestError as error:
+            hint = "; rmr restart --force stops it first" if verb == "restart" and "lives" in str(error) else ""
+            print(f"rmr {NAMES.get(verb, verb)}: {error}{hint}", file=sys.stderr)
+            code = ExitCode.FAILED
+        else:
+            print(f"robot {robot} is {DONE[verb]}")
+    return code
+
+
+def _order(
+    run: LaunchedRun, verb: str, robot: int, more: Mapping[str, float], timeout_s: float, *, force: bool
+) -> None:
+    """Have an order carried out and wait for its effect. Raises RequestError."""
+    if verb == "restart" and force and _process(run, robot)["state"] != "ended":
+        _stop(run, robot, timeout_s)
+    if verb == "stop":
+        _stop(run, robot, timeout_s)
+        return
+    ask_launcher(run.folder, {"do": verb, "robot": robot, **more})
+    if verb == "kill" and more.get("signal") in ENDING:
+        _wait_for_end(run, robot, KILL_S)
+
+
+def _stop(run: LaunchedRun, robot: int, timeout_s: float) -> None:
+    ask_launcher(run.folder, {"do": "stop", "robot": robot})
+    if not _wait_for_end(run, robot, timeout_s):
+        ask_launcher(run.folder, {"do": "kill", "robot": robot})
+        print(f"robot {robot} did not stop in {timeout_s:g} s and was killed", file=sys.stderr)
+        _wait_for_end(run, robot, KILL_S)
+
+
+def _wait_for_end(run: LaunchedRun, robot: int, patience_s: float) -> bool:
+    """Wait until the process of `robot` has ended, or the run has; return whether it did in time."""
+    end = time.monotonic() + patience_s
+    while run.launched and _process(run, robot)["state"] != "ended":
+        if time.monotonic() > end:
+            return False
+        time.sleep(POLL_S)
+    return True
+
+
+def _process(run: LaunchedRun, robot: int) -> dict[str, Any]:
+    """Return the name and state of the present process of `robot`.
+
+    While the run ends the launcher does not answer: the system is asked then.
+    """
+    told = told_status(run)
+    if told is None:
+        processes = recorded_run(run.folder).processes or run.processes
+        found = [one for one in processes if one.name.partition(".")[0] == f"robot-{robot}"]
+        return {"name": found[-1].name if found else "", "state": "running" if found and found[-1].lives else "ended"}
+    name = next(one["process"] for one in told["robots"] if one["robot"] == robot)
+    return next(dict(one) for one in told["processes"] if one["name"] == name)

@@ -1,0 +1,59 @@
+"""Whether a run has reached its end, and sentences on how: which robots finished, and which died."""
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+
+from rmr.base.ids import spelled
+from rmr.base.time import in_seconds
+from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world.lab import Lab
+from rmr_world.quorum import is_met
+
+POLL_S = 0.05
+"""Period with which a claim about the end is looked at."""
+
+
+def judged_end(lab: Lab, monitor: StatusMonitor, living: Sequence[int]) -> tuple[bool, str]:
+    """Return whether the run has finished, and why it is over; the reason is empty while it goes on.
+
+    `living` are the robots that may still hold the finish fact: those that run or are about to be started again.
+    """
+    absent = sorted(set(lab.roster) - set(living))
+    holding = [robot for robot in living if monitor.finished((robot,))]
+    met = is_met(lab.quorum, lab.roster, absent, holding)
+    if lab.finish and (met or len(holding) == len(living)):
+        return met, who_finished(lab, holding, absent, met=met)
+    if monitor.now >= lab.duration:
+        return not lab.finish and not absent, f"the lab's duration of {in_seconds(lab.duration):g} s has passed"
+    return False, ""
+
+
+async def patiently(claim: Callable[[], bool], limit_s: float) -> None:
+    """Wait until `claim` holds, `limit_s` at most."""
+    end = time.monotonic() + limit_s
+    while not claim() and time.monotonic() < end:
+        await asyncio.sleep(POLL_S)
+
+
+def unready(monitor: StatusMonitor | None, lab: Lab) -> list[str]:
+    """Return who keeps a run from beginning."""
+    if monitor is None:
+        return ["the world does not answer"]
+    return [f"robot {robot}" for robot in lab.roster if not monitor.ready((robot,))]
+
+
+def who_finished(lab: Lab, holding: Sequence[int], absent: Sequence[int], *, met: bool) -> str:
+    """Return why the run is over: which robots hold the finish fact, and which died."""
+    if isinstance(lab.quorum, int):
+        who = f"{len(holding)} robots hold" if len(holding) != 1 else "1 robot holds"
+        short = "" if met else f", {lab.quorum} should"
+        return f"{who} the finish fact{short}" + (f"; {names(absent)} died" if absent else "")
+    if absent:
+        return f"every robot that lives holds the finish fact; {names(absent)} died"
+    return "every robot holds the finish fact"
+
+
+def names(robots: Sequence[int]) -> str:
+    """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
+    return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"

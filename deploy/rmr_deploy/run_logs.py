@@ -1,0 +1,190 @@
+"""`rmr logs` and `rmr events`: the logs of a run's processes as one, in the order of lab time; also after its end.
+
+A line that has no lab time, such as "robot 4 is here", gets it from its wall time. The difference of the two clocks is
+the smallest over all lines that have both: a line is written some time after what it tells.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO
+
+from rmr.entry import ExitCode
+from rmr_deploy.active_runs import LaunchedRun
+from rmr_deploy.event_log import EVENTS_FILE, WHO
+from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown
+
+POLL_S = 0.1
+"""Period with which logs are read on."""
+HOLD_S = 0.5
+"""Time for which a line is held back while others that happened before may still be written: robots write the trace
+of a tick up to a quarter of a second later."""
+
+FRAME = ("time", "level", "who", "message", "t", "robot", "what", "event")
+"""Keys of a line that are not shown again behind its message."""
+
+
+class LogLine(NamedTuple):
+    """A line of a log."""
+
+    lab_s: float | None
+    """When it happened, in lab time; None if no line has told the difference of the clocks."""
+    wall_s: float
+    who: str
+    """``world``, ``robot-4``, ``rmr up``."""
+    fields: dict[str, Any]
+
+
+class RunLogs:
+    """The logs of a run, read as they grow."""
+
+    def __init__(self, folder: Path, robots: Sequence[int] = (), *, events_only: bool = False) -> None:
+        """`robots` are those that are wanted; without any all are, and the world."""
+        self._folder = folder
+        self._robots = frozenset(robots)
+        self._events_only = events_only
+        self._read: dict[Path, int] = {}
+        """Octets of each file that have been read."""
+        self._offset_s: float | None = None
+        """Wall time at lab time 0."""
+        self._held: list[tuple[float, str, dict[str, Any]]] = []
+
+    def lines(self, *, until_s: float | None = None) -> list[LogLine]:
+        """Return the new lines in order; with `until_s`, a wall time, those that were written later are held back."""
+        for path in self._files():
+            self._held += [(fields["time"], _who(path, fields), fields) for fields in self._new(path)]
+        ready = [one for one in self._held if until_s is None or one[0] <= until_s]
+        self._held = [one for one in self._held if until_s is not None and one[0] > until_s]
+        found = [LogLine(self._lab_s(wall_s, fields), wall_s, who, fields) for wall_s, who, fields in ready]
+        return sorted((one for one in found if self._wanted(one)), key=_order)
+
+    def now_s(self, lines: Sequence[LogLine], *, live: bool) -> float | None:
+        """Return lab time now, or at the last of `lines` of a run that is over."""
+        if live and self._offset_s is not None:
+            return time.time() - self._offset_s
+        return max((one.lab_s for one in lines if one.lab_s is not None), default=None)
+
+    def _files(self) -> list[Path]:
+        logs = [] if self._events_only else sorted((self._folder / "logs").glob("*.jsonl"))
+        return [*logs, self._folder / EVENTS_FILE]
+
+    def _new(self, path: Path) -> Iterator[dict[str, Any]]:
+        """Yield the lines that were added to a file, whole ones only."""
+        begin = self._read.get(path, 0)
+        try:
+            with path.open("rb") as file:
+                file.seek(begin)
+                octets = file.read()
+        except OSError:  # not there yet, or no more
+            return
+        whole = octets[: octets.rfind(b"\n") + 1]
+        self._read[path] = begin + len(whole)
+        for line in whole.splitlines():
+            try:
+                fields = json.loads(line)
+            except ValueError:
+                continue
+            if isinstance(fields, dict) and isinstance(fields.get("time"), int | float):
+                if isinstance(fields.get("t"), int | float):
+                    offset_s = fields["time"] - fields["t"]
+                    self._offset_s = offset_s if self._offset_s is None else min(offset_s, self._offset_s)
+                yield fields
+
+    def _lab_s(self, wall_s: float, fields: dict[str, Any]) -> float | None:
+        told = fields.get("t")
+        if isinstance(told, int | float):
+            return float(told)
+        return None if self._offset_s is None else wall_s - self._offset_s
+
+    def _wanted(self, line: LogLine) -> bool:
+        if self._events_only or not self._robots:
+            return True
+        robot = line.fields.get("robot")
+        if type(robot) is int:
+            return robot in self._robots
+        return any(line.who == f"robot-{one}" or line.who.startswith(f"robot-{one}.") for one in self._robots)
+
+
+def _who(path: Path, fields: dict[str, Any]) -> str:
+    """Return the process of a line; of one that carries several robots, the robot that it is about."""
+    if path.name == EVENTS_FILE:
+        return WHO
+    robot = fields.get("robot")
+    return f"robot-{robot}" if type(robot) is int and "." not in path.stem else path.stem
+
+
+def _order(line: LogLine) -> tuple[float, float]:
+    return (line.lab_s if line.lab_s is not None else -1e18, line.wall_s)
+
+
+def shown_line(line: LogLine) -> str:
+    """Return a line for people."""
+    when = " " * 11 if line.lab_s is None else f"{line.lab_s:9.3f} s"
+    rest = [f"{key}={_value(value)}" for key, value in line.fields.items() if key not in FRAME and value is not None]
+    if line.who == WHO:
+        rest = []  # its messages are whole sentences
+    return " ".join([when, f"{line.who:10}", str(line.fields.get("message", "")), *rest])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def json_line(line: LogLine) -> str:
+    """Return a line as JSON, with its lab time `t` and its process."""
+    stamp = {} if line.lab_s is None else {"t": round(line.lab_s, 6)}
+    return json.dumps({**line.fields, **stamp, "process": line.who}, ensure_ascii=False)
+
+
+def show_logs(
+    folder: Path | None,
+    lab: str | None,
+    robots: Sequence[int] = (),
+    *,
+    follow: bool,
+    since_s: float | None,
+    tail: int | None,
+    as_json: bool,
+    events_only: bool = False,
+) -> int:
+    """Print the logs of a run, with `follow` until it is over. Raises FleetError.
+
+    `since_s` leaves out what was earlier before now, or before the end of a run that is over; `tail` is the number of
+    lines at most, of those that are there.
+    """
+    run = chosen_run(folder, lab, past=True)
+    check_robots(run, robots)
+    if not run.folder.is_dir():
+        raise FleetError(f"the run folder {shown(run.folder)} was removed, and its logs with it", ExitCode.FAILED)
+    logs = RunLogs(run.folder, robots, events_only=events_only)
+    follow = follow and run.launched
+    lines = logs.lines(until_s=time.time() - HOLD_S if follow else None)
+    first_s = logs.now_s(lines, live=run.launched)
+    if since_s is not None and first_s is not None:
+        lines = [one for one in lines if one.lab_s is not None and one.lab_s >= first_s - since_s]
+    write = json_line if as_json else shown_line
+    _print(lines if tail is None else lines[max(0, len(lines) - tail) :], write, sys.stdout)
+    with suppress(KeyboardInterrupt):  # the usual way out
+        while follow:
+            follow = run.launched
+            time.sleep(POLL_S)
+            _print(logs.lines(until_s=time.time() - HOLD_S if follow else None), write, sys.stdout)
+            if not run.folder.is_dir():
+                raise FleetError(f"the run folder {shown(run.folder)} was removed", ExitCode.FAILED)
+    return ExitCode.OK
+
+
+def _print(lines: Sequence[LogLine], write: Callable[[LogLine], str], stream: TextIO) -> None:
+    stream.writelines(f"{write(line)}\n" for line in lines)
+    stream.flush()
+
+
+def last_event(run: LaunchedRun, event: str) -> dict[str, Any] | None:
+    """Return the fields of the last `event` of a run; None if there was none."""
+    found = [line.fields for line in RunLogs(run.folder, events_only=True).lines() if line.fields["event"] == event]
+    return found[-1] if found else None

@@ -1,0 +1,69 @@
+"""`rmr attach` upon a world and robots that were started by hand: table, report, and who is not there."""
+
+import json
+
+import pytest
+from command_runner import invoke
+from launched import LABS
+from process_tools import Stage, free_endpoint
+
+from rmr.bytecode import codec
+from rmr.lang.compiler import compile_source
+from rmr_deploy.fleet import command
+
+pytestmark = pytest.mark.slow
+
+DASH = LABS / "dash"
+
+
+@pytest.fixture
+def stage(tmp_path):
+    stage = Stage(tmp_path)
+    yield stage
+    stage.end()
+
+
+def attach(*words):
+    return invoke(command(), ["attach", *map(str, words)], name="rmr")
+
+
+def test_report_of_a_lab_that_was_started_by_hand_is_that_of_rmr_up(stage):
+    program = compile_source((DASH / "dash.rmr").read_text()).program
+    assert program is not None
+    (stage.folder / "dash.rbc").write_bytes(codec.encode(program, debug=True))
+    endpoint = stage.endpoint
+    stage.start("rmr_world.main", "--config", DASH / "lab.yaml", "--listen", endpoint, "--when-ready")
+    for robots in ("1-2", "3"):
+        words = ("--id", robots, stage.folder / "dash.rbc", "--connect", endpoint, "--lab", "dash")
+        stage.start("rmr_agent.main", *words)
+    answer = attach(DASH, "--connect", endpoint, "--json", "--timeout", "60")
+    assert answer.exit_code == 0, answer.stderr
+    report = json.loads(answer.stdout)
+    assert (report["lab"], report["mode"], report["finished"], report["dead"]) == ("dash", "processes", True, [])
+    assert all(part["finish_s"] > 0.0 for part in report["robots"].values())
+    assert report["reason"] == "every robot holds the finish fact"
+    assert "robot 1  running" in answer.stderr
+    assert all(started.process.poll() is None for started in stage.started), "it ends no process"
+
+
+def test_world_that_is_not_there_is_told():
+    endpoint = free_endpoint()
+    answer = attach(DASH, "--connect", endpoint, "--timeout", "0.2")
+    assert (answer.exit_code, answer.stdout) == (1, "")
+    assert answer.stderr == f"rmr attach: no world of lab dash answers at {endpoint} within 0.2 s\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "why"),
+    [
+        ((DASH, "--connect", "here"), 2, "'here' is no endpoint"),
+        ((DASH / "nothing",), 2, "there is no"),
+        ((DASH / "dash.rmr",), 3, "is a program: name the lab file"),
+        ((DASH, "--secret", "nowhere"), 2, "nowhere"),
+        ((), 2, "missing: LAB"),
+    ],
+)
+def test_wrong_words_are_told(words, code, why):
+    answer = attach(*words)
+    assert (answer.exit_code, answer.stdout) == (code, "")
+    assert why in answer.stderr

@@ -1,0 +1,155 @@
+"""Runs that are found without a daemon: by their folders, by the register, and by what lives of their processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from rmr.bus import secret
+from rmr_deploy import active_runs as runs_module
+from rmr_deploy.active_runs import (
+    PROCESSES_FILE,
+    REGISTER_VARIABLE,
+    active_runs,
+    past_runs,
+    recorded_run,
+    register,
+    write_end,
+    write_processes,
+)
+from rmr_deploy.process_identity import lives, signal_process, start_mark
+from rmr_world import run_report
+
+LAB = {"name": "hall", "file": "lab.yaml", "robots": 2, "seed": 7, "roster": [1, 2]}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """Return a folder to work in, with a register of its own."""
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "register"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def idle():
+    """Return a process that does nothing."""
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"]) as process:
+        yield process
+        process.kill()
+
+
+def folder_of_run(parent, name="one"):
+    folder = parent / name
+    folder.mkdir(parents=True)
+    return folder
+
+
+def test_names_of_files_are_those_of_the_modules_that_write_them():
+    assert runs_module.REPORT_FILE == run_report.REPORT_FILE
+    assert runs_module.SECRET_FILE == secret.SECRET_FILE
+
+
+def test_process_is_known_by_its_start(idle):
+    mark = start_mark(idle.pid)
+    assert mark is not None
+    assert lives(idle.pid, mark)
+    assert not lives(idle.pid, mark + "0")
+    idle.kill()
+    os.waitid(os.P_PID, idle.pid, os.WEXITED | os.WNOWAIT)
+    assert not lives(idle.pid), "it has ended, though nobody has reaped it"
+
+
+@pytest.mark.parametrize("pid", [None, "7", 0, -1, 1 << 40, True])
+def test_what_is_no_id_is_no_process(pid):
+    assert start_mark(pid) is None
+
+
+def test_process_that_got_the_id_of_another_is_not_signalled(idle):
+    assert not signal_process(idle.pid, "another boot-7", signal.SIGKILL)
+    assert not signal_process(idle.pid, None, signal.SIGKILL)
+    assert idle.poll() is None
+    assert signal_process(idle.pid, start_mark(idle.pid), signal.SIGKILL)
+    assert idle.wait(60) == -signal.SIGKILL
+
+
+def test_run_in_any_folder_is_found_by_the_register_until_its_end(here):
+    folder = folder_of_run(here / "elsewhere")
+    write_processes(folder, "tcp/127.0.0.1:7", {"world": os.getpid()}, LAB)
+    (run,) = active_runs()
+    assert (run.folder, run.lab, run.roster, run.endpoint) == (folder, "hall", (1, 2), "tcp/127.0.0.1:7")
+    assert run.launched
+    assert [one.name for one in run.living] == ["world"]
+    write_end(folder, 4)
+    assert active_runs() == []
+    assert recorded_run(folder).exit_code == 4
+
+
+def test_run_whose_folder_was_removed_is_still_found(here):
+    folder = folder_of_run(here)
+    write_processes(folder, "tcp/127.0.0.1:7", {"world": os.getpid()}, LAB)
+    (folder / PROCESSES_FILE).unlink()
+    folder.rmdir()
+    (run,) = active_runs()
+    assert [one.pid for one in run.living] == [os.getpid()]
+    write_end(folder, 0)
+    assert active_runs() == []
+
+
+def test_run_is_found_in_runs_where_the_register_is_lost(here):
+    folder = folder_of_run(here / "runs")
+    write_processes(folder, "tcp/127.0.0.1:7", {}, LAB)
+    for path in register().iterdir():
+        path.unlink()
+    assert [run.folder for run in active_runs()] == [folder]
+
+
+def test_entry_of_a_launcher_that_was_killed_is_removed(here, idle):
+    folder = folder_of_run(here / "runs")
+    write_processes(folder, "tcp/127.0.0.1:7", {"world": idle.pid}, LAB)
+    for path in (folder / PROCESSES_FILE, next(register().iterdir())):
+        record = json.loads(path.read_text())
+        record["started"]["launcher"] = "another boot-7"
+        path.write_text(json.dumps(record))
+    (run,) = active_runs()
+    assert not run.launched
+    assert [one.name for one in run.living] == ["world"], "it is stranded"
+    idle.kill()
+    idle.wait()
+    assert active_runs() == []
+    assert list(register().iterdir()) == []
+    assert [run.folder for run in past_runs()] == [folder]
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "{", "[" * 5000, '{"launcher": "x", "processes": [1], "lab": 3}', "\0"])
+def test_damaged_record_is_no_run(here, text):
+    folder = folder_of_run(here / "runs")
+    (folder / PROCESSES_FILE).write_text(text)
+    (register() / "1.json").write_text(text)
+    assert active_runs() == []
+    assert recorded_run(folder).processes == []
+
+
+def test_start_of_a_process_that_has_ended_is_kept(here, idle):
+    folder = folder_of_run(here)
+    write_processes(folder, "tcp/127.0.0.1:7", {"robot-1": idle.pid}, LAB)
+    written = (folder / PROCESSES_FILE).stat().st_mtime_ns
+    mark = recorded_run(folder).processes[0].mark
+    idle.kill()
+    idle.wait()
+    write_processes(folder, "tcp/127.0.0.1:7", {"robot-1": idle.pid, "robot-1.1": os.getpid()}, LAB)
+    run = recorded_run(folder)
+    assert [one.mark for one in run.processes] == [mark, start_mark(os.getpid())]
+    assert [one.name for one in run.living] == ["robot-1.1"]
+    assert (folder / PROCESSES_FILE).stat().st_mtime_ns == written, "the age of the record is that of the run"
+
+
+def test_register_that_others_can_write_is_not_used(here):
+    register().chmod(0o777)
+    assert register() is None
+    folder = folder_of_run(here / "runs")
+    write_processes(folder, "tcp/127.0.0.1:7", {}, LAB)
+    assert [run.folder for run in active_runs()] == [folder]
