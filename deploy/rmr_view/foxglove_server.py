@@ -239,9 +239,9 @@ def serve_foxglove(path: Path, *, live: bool, port: int | None = None, speed: fl
         return ExitCode.FAILED
     for problem in feed.recording.problems:
         print(f"rmr view: {problem}", file=sys.stderr)
-    print(f"for Foxglove or Lichtblick, open the connection: ws://{HOST}:{sock.getsockname()[1]}", flush=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with suppress(KeyboardInterrupt):
+        print(f"for Foxglove or Lichtblick, open the connection: ws://{HOST}:{sock.getsockname()[1]}", flush=True)
         asyncio.run(FoxgloveServer(feed).run(sock))
     return ExitCode.OK
 

@@ -42,7 +42,10 @@ ABSENT_S = 2.5
 """A robot that has been absent for so long has not left in order at the end of the run."""
 LOOK_S = 0.5
 """Period with which the run's files are looked at."""
-NOT_RECORDED = "this run was not recorded: trace, radio, logs and facts of robots are missing"
+NOT_RECORDED = (
+    "this run is not recorded (--no-record): only poses are shown; "
+    "trace, radio, logs, facts and explanations are missing"
+)
 
 
 def lab_in(folder: Path) -> Lab | None:
@@ -79,6 +82,8 @@ class LiveSource:
         self._growing: GrowingRecording | None = None
         self._unread: str | None = None
         """Why the recording cannot be read, yet."""
+        self._unrecorded = False
+        """Whether lab time goes on and no process has begun a recording."""
         self._minds = MindWorker(folder)
         self.history = RunHistory(lab.roster)
 
@@ -159,6 +164,8 @@ class LiveSource:
     def _read(self) -> None:
         try:
             if self._growing is None:
+                running = self._clock == "running"  # a process begins its recording before lab time runs
+                self._unrecorded = not part_files(self._folder) and (running or not self._live)
                 if not part_files(self._folder):
                     return
                 self._growing = GrowingRecording(self._folder)
@@ -228,9 +235,9 @@ class LiveSource:
         }
 
     def _all_problems(self) -> list[str]:
-        recorded = self._growing is not None or self._live
+        unrecorded = self._growing is None and (self._unrecorded or not self._live)
         unread = [self._unread] if self._unread else []
-        return [*self._problems, *unread, *([] if recorded else [NOT_RECORDED])]
+        return [*self._problems, *unread, *([NOT_RECORDED] if unrecorded else [])]
 
     async def entries(self, kind: str, begin: float, end: float) -> list[dict[str, Any]]:
         """Return entries of the history."""
@@ -245,6 +252,10 @@ class LiveSource:
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact."""
         return await self._minds.why(robot, fact, t, options)
+
+    async def missed(self, robot: int) -> dict[str, Any]:
+        """Return what the time of missed deadlines went into, from the recording so far."""
+        return await self._minds.missed(robot)
 
     # --- orders ---
 

@@ -37,6 +37,10 @@ class MindWorker:
         """Return the explanation of a fact of `robot` as of `t`. Raises RequestRefusedError."""
         return await self._run(_why, robot, fact, t, options)
 
+    async def missed(self, robot: int) -> dict[str, Any]:
+        """Return what the time of each deadline that `robot` missed went into. Raises RequestRefusedError."""
+        return await self._run(_missed, robot)
+
     async def _run(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin)
@@ -126,6 +130,23 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
         answer.notes.append(f"the recording has not been finished: robot {robot} is known until {until}")
     told: dict[str, Any] = answer.as_data() | {"lab": recording.about.lab, "problems": list(histories.problems)}
     return told
+
+
+def _missed(path: Path, robot: int) -> dict[str, Any]:
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415 - the server does not need them
+    from rmr.why.delay_source import run_history  # noqa: PLC0415
+    from rmr.why.delay_text import delay_data  # noqa: PLC0415
+    from rmr.why.missed_jobs import missed_delays  # noqa: PLC0415
+    from rmr.why.replayed_histories import UnexplainableError  # noqa: PLC0415
+    from rmr_view.mind_twins import opened  # noqa: PLC0415
+
+    try:
+        with opened(path) as recording:
+            run = run_history(recording)
+    except (RecordingError, UnexplainableError) as error:
+        return {"refused": str(error), "status": 501}
+    delays = [delay_data(delay) for delay in missed_delays(run) if delay.robot == robot]
+    return {"delays": delays, "problems": list(run.problems)}
 
 
 def _opened(path: Path) -> tuple[Any, Any, Any]:

@@ -141,6 +141,10 @@ class RecordedSource:
         """Return the explanation of a fact."""
         return await self._minds.why(robot, fact, t, options)
 
+    async def missed(self, robot: int) -> dict[str, Any]:
+        """Return what the time of missed deadlines went into."""
+        return await self._minds.missed(robot)
+
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""
         raise RequestRefusedError(f"{order['do']}: this is a recording of a run that is over", 409)

@@ -88,6 +88,9 @@ class RunSource(Protocol):
     async def why(self, robot: int, fact: str, t: float | None, options: WhyOptions) -> dict[str, Any]:
         """Return the explanation of a fact. Raises RequestRefusedError."""
 
+    async def missed(self, robot: int) -> dict[str, Any]:
+        """Return what the time of each deadline that `robot` missed went into. Raises RequestRefusedError."""
+
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Carry out a checked order of `rmr_view.control_order`. Raises RequestRefusedError."""
 

@@ -60,7 +60,7 @@ class SimulatedSource:
         self._writer = writer
         self._minds = None if writer is None else MindWorker(writer.path)
         if writer is not None:
-            writer.tap = self._recorded
+            writer.tap(TAPPED, self._recorded)
         self._report: Mapping[str, Any] | None = None
         self._over = False
         self._entries = 0
@@ -100,8 +100,7 @@ class SimulatedSource:
 
     def _recorded(self, topic: str, at: Instant, message: Mapping[str, Any]) -> None:
         """Take a message of the recording, for what only that knows: frames, logs, routes, states."""
-        if topic in TAPPED:
-            take(self.history, topic, at, message)
+        take(self.history, topic, at, message)
 
     def _poses(self) -> dict[int, Triple]:
         pose = self._simulation.world.pose
@@ -233,6 +232,13 @@ class SimulatedSource:
             raise RequestRefusedError("an explanation needs the recording: start the run without --no-record", 501)
         await self._flush()
         return await self._minds.why(robot, fact, t, options)
+
+    async def missed(self, robot: int) -> dict[str, Any]:
+        """Return what the time of missed deadlines went into, from the recording so far."""
+        if self._minds is None:
+            raise RequestRefusedError("an explanation needs the recording: start the run without --no-record", 501)
+        await self._flush()
+        return await self._minds.missed(robot)
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Steer time at once; add a fault between two ticks."""

@@ -57,9 +57,10 @@ def perform(
     server = PageServer(source, sock, token)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     server.start()
-    if listener is None:
-        print(f"the page: {server.address}", flush=True)
     with suppress(KeyboardInterrupt):
+        # Ctrl-C ends the page in order as soon as its address can be read.
+        if listener is None:
+            print(f"the page: {server.address}", flush=True)
         _wait(server, source, leave)
     server.stop()
     return ExitCode.OK

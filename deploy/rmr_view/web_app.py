@@ -3,7 +3,7 @@
     GET  /  /static/...                          the page: files of the folder `page`
     GET  /api/run  /api/poses  /api/timeline     what there is to see
     GET  /api/trace /frames /log /routes         entries
-    GET  /api/robot/ID  /api/why                 one robot's mind
+    GET  /api/robot/ID  /api/why  /api/missed    one robot's mind
     WS   /ws                                     what is new, as it comes
     POST /api/control                            orders
 
@@ -133,6 +133,7 @@ class RunRoutes:
             Route("/api/routes", told(self._entries)),
             Route("/api/robot/{robot}", told(self._robot)),
             Route("/api/why", told(self._why)),
+            Route("/api/missed", told(self._missed)),
             Route("/api/control", told(self._control), methods=["POST"]),
             WebSocketRoute("/ws", self._follow),
             Mount("/static", StaticFiles(directory=PAGE)),
@@ -179,6 +180,10 @@ class RunRoutes:
             raise RequestRefusedError(f"fact: write a fact, such as at(@4, exit), of {FACT_MAX} characters at most")
         robot = self._known_robot(request.query_params.get("robot", ""))
         return answer(await self._source.why(robot, fact, instant_of(request, "t"), why_options(request)))
+
+    async def _missed(self, request: Request) -> Response:
+        reject_unknown(request, ("robot",))
+        return answer(await self._source.missed(self._known_robot(request.query_params.get("robot", ""))))
 
     def _known_robot(self, text: str) -> int:
         robot = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else None

@@ -111,6 +111,46 @@ def test_missed_deadline_has_a_shape_and_words(recordings, visit):
     shown.close()
 
 
+def test_click_on_a_missed_deadline_shows_the_owners_of_its_time(recordings, visit):
+    shown = ShownRecording(recordings("testbed/rush.yaml", "--seed", "1"))
+    page = visit(shown.address)
+    page.pause()
+    page.press("End")
+    until(lambda: page.ask("() => window.__rmr.missed"), "missed deadlines")
+    robot, place, job = page.ask(
+        """() => {
+            const { timeline, run } = window.__rmr.state;
+            for (const [place, robot] of run.robots.entries()) {
+                const lane = timeline.lanes.find((one) => one.robot === robot);
+                const job = lane.deadlines.find((one) => one.met === false);
+                if (job) return [robot, place, job];
+            }
+        }"""
+    )
+    begin, end = page.read("window")
+    box = page.canvas("timeline").bounding_box()
+    lane = (box["height"] - 30) / len(page.state("run")["robots"])
+    x = 46 + (job["deadline_s"] - begin) / (end - begin) * (box["width"] - 56)
+    page.canvas("timeline").click(position={"x": x, "y": 24 + (place + 0.5) * lane})
+    panel = page.page.locator(".late")
+    until(lambda: panel.locator("table.owners tbody tr").count() > 1, "owners of its time")
+    assert page.state("selected") == robot
+    times = panel.locator(".owners tbody td:nth-child(1)").all_inner_texts()
+    seconds = [float(text.removesuffix(" s")) for text in times]
+    assert seconds == sorted(seconds, reverse=True)
+    whole = (job["finish_s"] or shown.source.clock.end_s) - job["begin_s"]
+    assert abs(sum(seconds) - whole) < 0.05
+    panel.locator("summary").click()
+    assert panel.locator(".intervals li").count() >= len(seconds)
+    panel.get_by_role("button", name="Close the explanation").click()
+    until(lambda: panel.count() == 0, "no explanation")
+    page.press("End")
+    page.button("why late?").click()
+    until(lambda: panel.locator("table.owners tbody tr").count() == len(seconds), "the same answer by the button")
+    page.close()
+    shown.close()
+
+
 def test_page_opens_at_the_instant_and_robot_of_its_address(recorded, visit):
     page = visit(recorded.address + "#t=12.5&robot=4")
     assert page.t == 12.5

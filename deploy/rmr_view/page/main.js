@@ -10,7 +10,7 @@ import { ProgramPanel } from "./program.js";
 import { RadioPanel } from "./radio.js";
 import { RobotPanel, Roster } from "./robot.js";
 import { clockText, intervalAt, leadersAt, stateText } from "./run_facts.js";
-import { advance, choose, clock, counts, frames, poses, reconnectNow, routesAt, seek, start, toggleLayer } from "./session.js";
+import { advance, choose, clock, counts, frames, poses, reconnectNow, routesAt, seek, start, toggleLayer, explainMiss } from "./session.js";
 import { get, set, subscribe, useKeys } from "./store.js";
 import { GUTTER, Timeline } from "./timeline.js";
 import { Steering, Transport, hand } from "./transport.js";
@@ -190,6 +190,7 @@ function TimelineView() {
     timeline = new Timeline(canvas.current, scene, {
       seek,
       choose,
+      explain: explainMiss,
       hover: (lines, x, y) => {
         canvas.current.style.cursor = x > GUTTER ? "crosshair" : "pointer";
         showTip(tip.current, lines, x, y - box.current.scrollTop);

@@ -3,7 +3,8 @@
 import { html, useState } from "./vendor/htm-preact.js";
 import { Badge, Instant, Place, RobotLink, Section } from "./parts.js";
 import { clockText, deadlineState, intervalAt, laneOf, leadersAt, schedulesAt, stateText } from "./run_facts.js";
-import { choose, clock, explain, poses } from "./session.js";
+import { Late } from "./late.js";
+import { choose, clock, explain, explainMiss, poses } from "./session.js";
 import { get, set, useKeys } from "./store.js";
 import { Why } from "./why.js";
 
@@ -23,7 +24,7 @@ export function Roster() {
 }
 
 export function RobotPanel() {
-  const state = useKeys("run", "selected", "details", "detailsError", "timeline", "nowSlow", "why");
+  const state = useKeys("run", "selected", "details", "detailsError", "timeline", "nowSlow", "why", "late");
   const { selected, details, detailsError } = state;
   if (selected === null) {
     return html`<div class="hint">
@@ -34,6 +35,7 @@ export function RobotPanel() {
   }
   return html`<div class="robot">
     <${Head} />
+    ${state.late ? html`<${Late} />` : null}
     ${state.why ? html`<${Why} />` : null}
     ${detailsError ? html`<p class="trouble" role="status">${detailsError}</p>` : null}
     ${details?.problem ? html`<p class="trouble" role="status">${sentence(details.problem)}</p>` : null}
@@ -94,18 +96,18 @@ function Head() {
       ${details?.progress && !isStale(details, nowSlow) ? html`<p>${details.progress}</p>` : null}
     </div>
     <button class="icon" aria-label="Choose no robot" title="choose no robot (Esc)" onClick=${() => choose(null)}>×</button>
-    ${deadline ? html`<${DeadlineBar} deadline=${deadline} t=${nowSlow} />` : null}
+    ${deadline ? html`<${DeadlineBar} robot=${selected} deadline=${deadline} t=${nowSlow} />` : null}
     <${PoseLine} robot=${selected} t=${nowSlow} />
   </header>`;
 }
 
-function DeadlineBar({ deadline, t }) {
+function DeadlineBar({ robot, deadline, t }) {
   const state = deadlineState(deadline, t);
   const all = Math.max(1e-6, deadline.deadline_s - deadline.begin_s);
   const share = Math.min(1, Math.max(0, (Math.min(t, deadline.finish_s ?? t) - deadline.begin_s) / all));
   return html`<div class="deadline ${state}">
     <div class="bar"><span style=${{ width: `${(share * 100).toFixed(1)}%` }}></span></div>
-    <p><code>${deadline.job}</code> by ${clockText(deadline.deadline_s)} · <${Left} deadline=${deadline} t=${t} /></p>
+    <p><code>${deadline.job}</code> by ${clockText(deadline.deadline_s)} · <${Left} deadline=${deadline} t=${t} />${state === "missed" ? html` <button class="plain" onClick=${() => explainMiss(robot, deadline)}>why late?</button>` : null}</p>
   </div>`;
 }
 

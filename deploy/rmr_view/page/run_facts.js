@@ -84,13 +84,13 @@ export function faultEnd(fault) {
 
 /** A fault in a few words: "loss 50 %", "partition 1, 2 | 3", "kill 3". */
 export function faultText(fault) {
-  if (fault.partition) return `partition ${fault.partition.map((group) => group.join(", ")).join(" | ")}`;
+  if (fault.partition) return `partition ${fault.partition.map((group) => group.join(", ")).join(fault.one_way ? " to " : " | ")}`;
   if (fault.fault) return `robot ${fault.robot} ${fault.fault}`;
   const link = fault.link ? ` ${fault.link.join(fault.one_way ? " to " : " and ")}` : "";
   if (fault.cut) return `cut${link}`;
   if (fault.loss !== undefined) return `loss ${Math.round(fault.loss * 100)} %${link}`;
   if (fault.attenuation_db !== undefined) return `attenuation ${fault.attenuation_db} dB${link}`;
-  const what = ["kill", "restart", "stall", "slow", "outage"].find((key) => key in fault);
+  const what = ["kill", "restart", "stall", "slow", "outage", "mute", "deaf"].find((key) => key in fault);
   return what ? `${what} ${fault[what]}` : "fault";
 }
 

@@ -22,7 +22,9 @@ export const trace = new Entries("trace", fail);
 export const log = new Entries("log", fail);
 export const routes = new Entries("routes", fail, (entry) => entry.t, ROUTE_S);
 const now = () => performance.now() / 1000;
+const SETTLED_S = 2; // lab time by which it is known what there is of a run that goes on
 let line = null;
+let settled = false;
 let timelineAsked = 0;
 let timelineTook = 0;
 let timelineTimer = null;
@@ -112,6 +114,10 @@ function heardClock(message) {
   if (run.live) {
     clock.sample(message.t, now(), { running, speed, end: message.end_s });
     set({ runPaused: !running, runSpeed: speed });
+    if (!settled && running && message.t > SETTLED_S) {
+      settled = true;
+      renewRun();
+    }
   } else clock.end = Math.max(clock.end, message.end_s);
 }
 
@@ -255,7 +261,7 @@ export function changeSpeed(steps) {
 
 export function choose(robot) {
   if (robot === get().selected) return;
-  set({ selected: robot, details: null, detailsError: null, why: null });
+  set({ selected: robot, details: null, detailsError: null, why: null, late: null });
   detailsKey = "";
   detailsNext = 0;
   shown();
@@ -280,6 +286,23 @@ export async function explain(robot, fact, t, negative = false) {
   } catch (error) {
     if (get().why === why) set({ why: { ...why, error: error.message } });
   }
+}
+
+/** Ask what the time of a missed deadline of `robot` went into; `job` is an entry of its lane. */
+export async function explainMiss(robot, job) {
+  choose(robot);
+  const late = { robot, job: job.job, begin_s: job.begin_s, delay: null, problems: [], error: null };
+  set({ late, tab: "robot" });
+  let found = {};
+  try {
+    const { delays, problems } = await ask("missed", { robot });
+    const of = delays.filter((one) => one.job === job.job);
+    const delay = of.find((one) => Math.abs(one.start_s - job.begin_s) < 0.01) ?? of[of.length - 1] ?? null;
+    found = { delay, problems, error: delay ? null : "The recording does not say yet that this deadline was missed: ask again in a second." };
+  } catch (error) {
+    found = { error: error.message };
+  }
+  if (get().late === late) set({ late: { ...late, ...found } });
 }
 
 /** Send an order to the run; an error is shown. Returns whether it was carried out. */

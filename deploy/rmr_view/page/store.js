@@ -13,6 +13,7 @@ let state = {
   detailsError: null,
   tab: "robot",
   why: null, // {robot, fact, t, tree, error, negative}
+  late: null, // {robot, job, begin_s, delay, problems, error}: the missed deadline that is explained
   place: null, // {name, line}: the place in the source that the program tab shows
   connection: { state: "connecting" },
   message: null, // a sentence about an error, shown until it is dismissed

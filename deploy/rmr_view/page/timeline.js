@@ -13,11 +13,12 @@ export const GUTTER = 46;
 const RULER = 24;
 const LANE_MAX = 28;
 const LANE_MIN = 11;
+const HIT = 7; // pixels around a cross within which a click means it
 const STEPS_S = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];
 const STRENGTH = { asking: 0.16, waiting: 0.26, claiming: 0.55, inside: 1 };
 
 export class Timeline {
-  /** `source` gives {run, timeline, selected, t, begin, end, live}; `on` has seek(t), choose(robot), hover(text, x, y). */
+  /** `source` gives {run, timeline, selected, t, begin, end, live}; `on` has seek(t), choose(robot), explain(robot, job), hover(text, x, y). */
   constructor(canvas, source, on) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
@@ -137,7 +138,17 @@ export class Timeline {
   click(x, y) {
     const place = this.laneAt(y);
     if (place !== null) this.on.choose(this.source.run.robots[place]);
-    if (x > GUTTER) this.on.seek(this.time(x));
+    if (x <= GUTTER) return;
+    this.on.seek(this.time(x));
+    const miss = place === null ? null : this.missAt(x, this.source.run.robots[place]);
+    if (miss) this.on.explain(this.source.run.robots[place], miss);
+  }
+
+  /** The missed job of `robot` whose cross or red bar is at `x`. */
+  missAt(x, robot) {
+    const lane = (this.source.timeline?.lanes ?? []).find((one) => one.robot === robot);
+    const missed = (lane?.deadlines ?? []).filter((one) => deadlineState(one, this.source.end) === "missed");
+    return missed.find((one) => x >= this.px(one.deadline_s) - HIT && x <= this.px(one.finish_s ?? this.source.end) + 1) ?? null;
   }
 
   // -- drawing ----------------------------------------------------------------------------------------------
@@ -415,7 +426,8 @@ function deadlineText(one, end) {
   const state = deadlineState(one, end);
   const done = one.finish_s === null || one.finish_s === undefined ? "" : `, finished at ${clockText(one.finish_s)}`;
   const words = { met: "met", missed: "missed", open: "open", later: "not begun" };
-  return `Deadline of ${one.job} at ${clockText(one.deadline_s)}: ${words[state]}${done}`;
+  const ask = state === "missed" ? "; click: why" : "";
+  return `Deadline of ${one.job} at ${clockText(one.deadline_s)}: ${words[state]}${done}${ask}`;
 }
 
 function cross(c, x, y, size) {

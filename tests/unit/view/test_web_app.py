@@ -90,6 +90,11 @@ def test_robot_and_why_pass_their_question_on(source, browser):
     assert source.asked == [(3, 1.5), (3, None), (1, "at(@1, exit)", 2.0, WhyOptions(True, 5, "3.17"))]
 
 
+def test_missed_deadlines_are_asked_of_one_robot(source, browser):
+    assert browser.get("/api/missed?robot=2") == {"delays": [], "problems": []}
+    assert source.asked == [(2, "missed")]
+
+
 @pytest.mark.parametrize(
     ("path", "status", "words"),
     [
@@ -110,6 +115,8 @@ def test_robot_and_why_pass_their_question_on(source, browser):
         ("/api/why?robot=1&fact=a&depth=-1", 400, "depth: write a whole number from 0 to 100"),
         ("/api/why?robot=1&fact=a&more=x", 400, "more: write the number"),
         ("/api/why?robot=1&fact=a&not=yes", 400, "not: write 1"),
+        ("/api/missed", 400, "there is no robot '' in this run"),
+        ("/api/missed?robot=1&job=a", 400, "unknown parameter 'job'; known are robot"),
     ],
 )
 def test_malformed_query_is_refused_with_a_sentence(browser, path, status, words):
