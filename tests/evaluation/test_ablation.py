@@ -16,6 +16,7 @@ def report(lab: str, seed: int, without: frozenset[str] = frozenset()) -> tuple[
     return report_of(simulation, simulation.run()), simulation.firings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lab", "seed"), [("testbed", 5), ("twoway", 3)])
 def test_leaving_out_the_rules_that_did_not_fire_changes_nothing(lab: str, seed: int) -> None:
     whole, fired = report(lab, seed)

@@ -37,6 +37,17 @@ def test_every_experiment_keeps_to_the_interface():
         assert f"<!-- {name}: begin -->" in PAGE.read_text("utf-8")
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", evaluate.EXPERIMENTS)
+def test_experiment_runs_with_its_first_seed_and_fills_its_tables(name, tmp_path, capsys):
+    chosen = evaluate.options([name, "--quick", "--seeds", "1", "--jobs", "1", "--out", str(tmp_path)])
+    assert evaluate.attempted(name, chosen, tmp_path), capsys.readouterr().err
+    data = json.loads((tmp_path / f"{name}.json").read_text("utf-8"))
+    assert (data["seeds"], data["quick"]) == ("1-1", True)
+    assert marks(import_module(name), data) == []
+
+
 @pytest.mark.medium
 def test_both_labs_finish_without_contact_within_their_bounds():
     data = seeds.run(range(1, 2), 1)

@@ -64,11 +64,11 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
             asked.setdefault(entry["robot"], entry)
     trips = []
     for robot, entry in sorted(asked.items()):
-        ways = departures(arena, goals[robot].name, entry["direction"])
+        ways = departures(arena, goals[robot].name, entry["way"])
         tails = tuple(entry["after_s"] + (direction - ways[0]) / arena.shape.speed for direction in ways)
         (job,) = report["robots"][str(robot)]["assertions"]
         release = entry["t"] + entry["approach_s"]
-        trips.append(Trip(release, entry["inside_s"], tails, entry["direction"], job["deadline_s"]))
+        trips.append(Trip(release, entry["inside_s"], tails, entry["way"], job["deadline_s"]))
     timing = Timing()
     headway = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
     gap = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear

@@ -18,7 +18,7 @@ def test_the_share_that_is_expected_is_that_of_places_drawn_evenly(arena):
     assert cells.expected_percent(case) == pytest.approx(100.0 * far, abs=2.5)
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_with_one_cell_all_others_are_told_of_what_is_announced():
     counted, _ = cells.run(cells.Case(3, 1, cells=False, seconds=1.0))
     assert 0 < counted.delivered <= 2 * counted.announced
