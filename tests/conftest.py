@@ -24,6 +24,14 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(tiers)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _register_of_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the runs of tests out of the user's register, and those of the user from tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RMR_REGISTER", str(tmp_path_factory.mktemp("register", numbered=True)))
+        yield
+
+
 @pytest.fixture(scope="module", params=Engine, ids=lambda engine: engine.value)
 def each_engine(request: pytest.FixtureRequest) -> Iterator[None]:
     """Let all machines that `vm_hand` makes for a module be of one engine, then of the next."""

@@ -52,6 +52,10 @@ class FilledSource:
         self.asked.append((robot, t))
         return {"robot": robot, "t": t}
 
+    async def missed(self, robot):
+        self.asked.append((robot, "missed"))
+        return {"delays": [], "problems": []}
+
     async def why(self, robot, fact, t, options):
         if fact == "nix(@1)":
             raise RequestRefusedError("the program knows no fact `nix`")

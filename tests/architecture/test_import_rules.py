@@ -20,6 +20,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.radio": {"rmr.base"},
     "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
+    "rmr.load": {"rmr.analysis", "rmr.base", "rmr.bytecode", "rmr.node"},
     "rmr.mind": {"rmr.base", "rmr.bytecode", "rmr.coord", "rmr.node", "rmr.radio", "rmr.record", "rmr.vm"},
     "rmr.why": {
         "rmr.analysis",
@@ -50,6 +51,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "rmr_agent": {
         "rmr.base",
+        "rmr.load",
         "rmr.bytecode",
         "rmr.vm",
         "rmr.coord",
@@ -61,6 +63,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.entry",
     },
     "rmr_world": {
+        "rmr.analysis",
         "rmr.base",
         "rmr.bytecode",
         "rmr.lang",
@@ -73,6 +76,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "rmr_sim": {
         "rmr.entry",
+        "rmr.load",
         "rmr.base",
         "rmr.bytecode",
         "rmr.lang",
@@ -87,6 +91,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr_lab": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr_world", "rmr_sim"},
     "rmr_deploy": {
         "rmr.entry",
+        "rmr.load",
+        "rmr.vm",
         "rmr.base",
         "rmr.bytecode",
         "rmr.lang",

@@ -48,7 +48,7 @@ def test_make_test_all_is_make_test_and_make_test_slow() -> None:
     assert "make test-all" in (ROOT / ".ci" / "run").read_text()
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_make_test_has_real_processes_fuzzers_and_kept_seeds_and_the_tiers_sum_to_all() -> None:
     runs = {expression: collected("-m", expression, *REAL) for expression in ("fast", "medium", "slow", "not slow")}
     assert all(any(name.startswith(place) for name in runs["not slow"]) for place in REAL)

@@ -6,13 +6,17 @@ from pathlib import Path
 import pytest
 from doc_blocks import agrees, blocks_of, has_sessions, is_file, printed, session
 
-pytestmark = pytest.mark.medium
-
 ROOT = Path(__file__).parents[2]
 PAGES = [path for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))] if has_sessions(path.read_text())]
+LONG = frozenset({"own-lab.md"})
+"""Pages whose commands take 10 s."""
+TIERED = [
+    pytest.param(path, marks=pytest.mark.slow if path.name in LONG else pytest.mark.medium, id=path.name)
+    for path in PAGES
+]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", TIERED)
 def test_a_page_shows_what_its_commands_print(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = page.read_text("utf-8")
