@@ -38,7 +38,6 @@ def test_every_experiment_keeps_to_the_interface():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", evaluate.EXPERIMENTS)
 def test_experiment_runs_with_its_first_seed_and_fills_its_tables(name, tmp_path, capsys):
     chosen = evaluate.options([name, "--quick", "--seeds", "1", "--jobs", "1", "--out", str(tmp_path)])

@@ -19,7 +19,7 @@ TESTBED = CORRIDOR.with_name("testbed")
 UP = [sys.executable, "-P", "-m", "rmr_deploy.up"]
 
 
-def eventually(claim: Callable[[], Any], within_s: float = 20.0) -> Any:
+def eventually(claim: Callable[[], Any], within_s: float = 60.0) -> Any:
     """Wait for `claim` to hold and return what it returned."""
     end = time.monotonic() + within_s
     while not (value := claim()):
@@ -79,7 +79,7 @@ class Launched:
         """Return the processes of the run that still live."""
         return [name for name, pid in self.pids.items() if runs(pid)]
 
-    def wait(self, within_s: float = 60.0) -> int:
+    def wait(self, within_s: float = 120.0) -> int:
         """Wait for the command's end and return its exit code."""
         return self.process.wait(within_s)
 
@@ -92,7 +92,7 @@ class Launched:
         """Press Ctrl-C: the whole foreground process group of the terminal gets SIGINT."""
         os.killpg(self.process.pid, signal.SIGINT)
 
-    def leader(self, lab: str, within_s: float = 20.0) -> int:
+    def leader(self, lab: str, within_s: float = 60.0) -> int:
         """Wait until every robot has heard of a schedule and return the leader of the newest."""
         return asyncio.run(asyncio.wait_for(self._leader(lab), within_s))
 

@@ -27,7 +27,7 @@ facts: ["due(@1, 25)"]
 finish: due(R, 25.0)
 """
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """How long a claim may take to come true on a busy machine."""
 
 

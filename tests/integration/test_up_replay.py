@@ -57,7 +57,6 @@ def test_minds_of_processes_are_equal_while_they_run_and_afterwards(up):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_minds_of_loaded_stopped_and_killed_processes_are_equal(up, started):
     started += [subprocess.Popen([sys.executable, "-c", BURN]) for _ in range(3)]
     run = up(CORRIDOR, "--keep-going").running()

