@@ -72,6 +72,7 @@ class PassageChecker:
         self._view.violate(now, "entry", (robot,), words)
 
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
+        self(now)  # another one may have left in this very tick, and told it
         job = self._view.node(robot).core.job(entered.group_id)
         slot = self._slots.pop((robot, entered.group_id), None)
         if job is not None and job.request.inside:
