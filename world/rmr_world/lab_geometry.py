@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from rmr.base.arena import Area, Disc, Obstacle, Polygon
 from rmr.base.geometry import Point, Pose, distance
+from rmr_world.convex_parts import convex_parts
 from rmr_world.schema import AreaSpec, GridSpec, LineSpec, ObstacleSpec, QueueSpec
 
 Box = tuple[float, float, float, float]
@@ -22,14 +23,14 @@ def _point(x: float, y: float) -> Point:
     return Point(round(x, 9), round(y, 9))
 
 
-def obstacle_of(spec: ObstacleSpec) -> Obstacle:
-    """Return the obstacle that `spec` describes, corners counter-clockwise. Raises ValueError."""
+def obstacles_of(spec: ObstacleSpec) -> list[Obstacle]:
+    """Return the obstacles that make up what `spec` describes, corners counter-clockwise. Raises ValueError."""
     if spec.circle is not None:
         x, y, radius = spec.circle
-        return Disc(Point(x, y), radius)
+        return [Disc(Point(x, y), radius)]
     if spec.box is not None:
-        return Polygon(box_corners(spec.box))
-    return Polygon(_convex([Point(*corner) for corner in spec.polygon or ()]))
+        return [Polygon(box_corners(spec.box))]
+    return [Polygon(part) for part in convex_parts([Point(*corner) for corner in spec.polygon or ()])]
 
 
 def box_corners(box: Box) -> tuple[Point, ...]:
@@ -38,26 +39,6 @@ def box_corners(box: Box) -> tuple[Point, ...]:
     if not (x0 < x1 and y0 < y1):
         raise ValueError("box should be [x0, y0, x1, y1] with x0 < x1 and y0 < y1")
     return Point(x0, y0), Point(x1, y0), Point(x1, y1), Point(x0, y1)
-
-
-def _convex(corners: list[Point]) -> tuple[Point, ...]:
-    """Return `corners` counter-clockwise. Raises ValueError unless they turn in one direction only, and once around."""
-    turns = [
-        (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x)
-        for a, b, c in zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
-    ]
-    if all(turn < 0 for turn in turns):
-        corners = corners[::-1]
-        turns = [-turn for turn in turns]
-    if not all(turn > 0 for turn in turns) or _windings(corners) != 1:
-        raise ValueError("polygon should be convex, without repeated corners or corners on a straight edge")
-    return tuple(corners)
-
-
-def _windings(corners: list[Point]) -> int:
-    """Return the winding number of a polygon that turns left everywhere: its changes from falling to rising edges."""
-    rises = [b.y > a.y or (b.y == a.y and b.x > a.x) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    return sum(now and not before for before, now in zip(rises[-1:] + rises[:-1], rises, strict=True))
 
 
 def area_of(name: str, spec: AreaSpec) -> Area:

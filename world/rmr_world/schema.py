@@ -116,7 +116,7 @@ class ArenaSpec(_Strict):
 
 
 class ObstacleSpec(_Strict):
-    """One of: a box (x0, y0, x1, y1), a circle (x, y, radius), a convex polygon."""
+    """One of: a box (x0, y0, x1, y1), a circle (x, y, radius), a polygon."""
 
     box: Box | None = None
     circle: tuple[Number, Number, Positive] | None = None

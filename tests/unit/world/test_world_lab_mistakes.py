@@ -49,7 +49,7 @@ MISTAKES = [
     ("obstacles: [{}]", "6:13: obstacles.0: should have exactly one of box, circle, polygon"),
     ("obstacles: [{circle: [1, 1, 0]}]", "6:29: obstacles.0.circle.2: should be greater than 0"),
     ("obstacles: [{circle: [9, 9, 0.1]}]", "6:13: obstacles.0: lies outside the arena"),
-    ("obstacles: [{polygon: [[0,0],[1,1],[1,0],[0,1]]}]", "6:13: obstacles.0: polygon should be convex"),
+    ("obstacles: [{polygon: [[0,0],[1,1],[1,0],[0,1]]}]", "6:13: obstacles.0: polygon crosses or touches itself"),
     ("obstacles: [{polygon: [[0,0],[1,0]]}]", "6:23: obstacles.0.polygon: should have at least 3 items"),
     ("obstacles: [{box: [0.4, 0.5, 0.6, 1]}]", "5:5: robots.0: robot 1 starts inside an obstacle"),
     ("areas: {a: {at: [4, 1]}}", "6:17: areas.a.at: (4, 1) is out of the arena, 3 m x 1.5 m"),

@@ -27,8 +27,8 @@ def robot_in_arena(draft: LabDraft) -> Iterator[Finding]:
 
 def obstacles_in_arena(draft: LabDraft) -> Iterator[Finding]:
     """Each obstacle lies in the arena, in part at least."""
-    for i, obstacle in draft.obstacles:
-        if not overlaps(obstacle, draft.arena.width, draft.arena.height):
+    for i, parts in draft.obstacles:
+        if not any(overlaps(part, draft.arena.width, draft.arena.height) for part in parts):
             yield draft.error(("obstacles", i), "lies outside the arena")
 
 

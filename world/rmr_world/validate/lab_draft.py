@@ -1,8 +1,8 @@
 """The parts of a lab as far as its document defines them: what the checks of phase 2 look at.
 
-The draft is built from the part of the document that conforms to the schema. A part that cannot be built (an obstacle
-that is not convex, a fact that does not parse) becomes an error of the draft and is left out. The draft states no other
-rule: whether the parts fit together is checked by `floor_fit` and `reference_fit`.
+The draft is built from the part of the document that conforms to the schema. A part that cannot be built (a polygon
+that crosses itself, a fact that does not parse) becomes an error of the draft and is left out. The draft states no
+other rule: whether the parts fit together is checked by `floor_fit` and `reference_fit`.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart
-from rmr_world.lab_geometry import area_of, grid_poses, obstacle_of
+from rmr_world.lab_geometry import area_of, grid_poses, obstacles_of
 from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import StatedFact
 from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec
@@ -45,6 +45,7 @@ class LabDraft:
         self.area_names = sorted(areas) if isinstance(areas, dict) else []
         """Names of all areas in the file, of wrong ones too: a reference to these is no further error."""
         self.obstacles = self._obstacles()
+        """The convex parts of each obstacle, with its index in the file."""
         self.areas = self._areas()
         self.arena = self._arena()
         self.robots = self._robots()
@@ -112,18 +113,18 @@ class LabDraft:
             width,
             height,
             spec.arena.cell,
-            tuple(obstacle for _, obstacle in self.obstacles),
+            tuple(part for _, parts in self.obstacles for part in parts),
             shape=shape,
             areas=tuple(area for _, area in self.areas.values()),
             beacons=self._beacons(),
             bottleneck=() if spec.bottleneck is None else tuple(spec.bottleneck.mouths),
         )
 
-    def _obstacles(self) -> list[tuple[int, Obstacle]]:
-        built: list[tuple[int, Obstacle]] = []
+    def _obstacles(self) -> list[tuple[int, list[Obstacle]]]:
+        built: list[tuple[int, list[Obstacle]]] = []
         for i, item in self._result.items("obstacles"):
             try:
-                built.append((i, obstacle_of(item)))
+                built.append((i, obstacles_of(item)))
             except ValueError as error:
                 self.errors.append(self.error(("obstacles", i), str(error)))
         return built

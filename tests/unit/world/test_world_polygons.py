@@ -1,0 +1,101 @@
+"""Polygons of a lab file: a concave outline becomes convex parts that cover it and nothing else."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from world_labs import ROOM, complaints, lab_of
+
+from rmr.base.arena import Polygon
+from rmr.base.geometry import Point, point_segment_distance
+from rmr_world.convex_parts import convex_parts
+
+ELL = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.2), (0.2, 0.2), (0.2, 1.0), (0.0, 1.0)]
+COMB = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
+
+
+def points(corners):
+    return [Point(float(x), float(y)) for x, y in corners]
+
+
+def area(corners):
+    return sum(a.x * b.y - b.x * a.y for a, b in zip(corners, corners[1:] + corners[:1], strict=True)) / 2.0
+
+
+def turns(corners):
+    threes = zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
+    return [(b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x) for a, b, c in threes]
+
+
+def inside(corners, x, y):
+    """Return whether (x, y) lies inside of an outline: a ray to the right crosses it an odd number of times."""
+    odd = False
+    for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+        if (a.y > y) != (b.y > y) and x < a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x):
+            odd = not odd
+    return odd
+
+
+def check(corners):
+    parts = convex_parts(corners)
+    assert all(turn > 0.0 for part in parts for turn in turns(part))
+    assert sum(map(area, parts)) == pytest.approx(abs(area(corners)), abs=1e-9)
+    left, right = min(p.x for p in corners), max(p.x for p in corners)
+    bottom, top = min(p.y for p in corners), max(p.y for p in corners)
+    for i in range(20):
+        for j in range(20):
+            x, y = left + (i + 0.513) / 20 * (right - left), bottom + (j + 0.487) / 20 * (top - bottom)
+            edges = zip(corners, corners[1:] + corners[:1], strict=True)
+            if min(point_segment_distance(x, y, *a, *b) for a, b in edges) > 1e-6:
+                # A seam between two parts belongs to both but for rounding.
+                assert inside(corners, x, y) == any(Polygon(part).distance(x, y) < 1e-9 for part in parts), (x, y)
+    return parts
+
+
+@pytest.mark.parametrize(("corners", "count"), [(ELL, 2), (COMB, 4), ([(0, 0), (2, 0), (2, 1), (0, 1)], 1)])
+def test_outline_becomes_few_convex_parts_in_either_direction(corners, count):
+    for given_corners in (points(corners), points(corners[::-1]), points(corners[3:] + corners[:3])):
+        assert count <= len(check(given_corners)) <= count + 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(0.05, 1.0), min_size=3, max_size=24))
+def test_parts_of_any_star_shaped_outline_cover_it(radii):
+    step = math.tau / len(radii)
+    corners = points((r * math.cos(k * step), r * math.sin(k * step)) for k, r in enumerate(radii))
+    check(corners)
+
+
+def test_corners_on_a_straight_edge_are_left_out():
+    assert convex_parts(points([(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1)])) == [
+        tuple(points([(0, 0), (2, 0), (2, 1), (0, 1)]))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("corners", "why"),
+    [
+        (
+            "[[0,0],[1,1],[1,0],[0,1]]",
+            "crosses or touches itself: the edge from [0, 0] to [1, 1] and the edge from [1, 0] to [0, 1]",
+        ),
+        (
+            "[[0,0],[2,0],[2,1],[1,0],[0,1]]",
+            "crosses or touches itself: the edge from [0, 0] to [2, 0] and the edge from [2, 1] to [1, 0]",
+        ),
+        ("[[0,0],[1,0],[1,1],[0,0]]", "should name each corner once; the last one need not repeat the first"),
+        ("[[0,0],[1,0],[2,0]]", "should have an inside: its corners lie on a line"),
+    ],
+)
+def test_outline_that_is_no_polygon_is_an_error_with_its_place(tmp_path, corners, why):
+    (complaint,) = complaints(tmp_path, f"{ROOM}obstacles: [{{polygon: {corners}}}]")
+    assert complaint == f"6:13: obstacles.0: polygon {why}"
+
+
+def test_concave_obstacle_is_an_obstacle_in_all_its_parts_and_its_bay_is_free(tmp_path):
+    corners = "[[1, 0.3], [2, 0.3], [2, 1.2], [1.8, 1.2], [1.8, 0.5], [1.2, 0.5], [1.2, 1.2], [1, 1.2]]"
+    arena = lab_of(tmp_path, f"{ROOM}obstacles: [{{polygon: {corners}}}]").arena
+    assert len(arena.obstacles) == 3
+    assert all(arena.clearance(x, y) == 0.0 for x, y in [(1.1, 1.1), (1.9, 1.1), (1.5, 0.4), (1.1, 0.4)])
+    assert arena.clearance(1.5, 0.9) == pytest.approx(0.3)
