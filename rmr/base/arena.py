@@ -5,6 +5,7 @@ planner are built from the same value.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -149,13 +150,28 @@ class Arena:
 
     def clearance(self, x: float, y: float) -> float:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
+        return self.clearance_of(self.obstacles, x, y)
+
+    def clearance_of(self, obstacles: Sequence[Obstacle], x: float, y: float) -> float:
+        """Return the same for some of the obstacles, and the walls."""
         nearest = min(x, y, self.width - x, self.height - y)
-        for obstacle in self.obstacles:
+        for obstacle in obstacles:
             # The distance to the bounding box is a lower bound: a farther box cannot hold the nearest obstacle.
             x0, y0, x1, y1 = obstacle.extent
             if max(x0 - x, x - x1, y0 - y, y - y1) <= nearest + ROUNDING_M:
                 nearest = min(nearest, obstacle.distance(x, y))
         return max(0.0, nearest)
+
+    def obstacles_around(self, x: float, y: float, reach_m: float) -> list[Obstacle]:
+        """Return all obstacles that can be the nearest one of a point within `reach_m` of (x, y)."""
+        # Such a point is at most `clearance + reach_m` from its nearest obstacle, (x, y) at most `reach_m` farther.
+        far = self.clearance(x, y) + 2.0 * reach_m + ROUNDING_M
+        return [
+            obstacle
+            for obstacle in self.obstacles
+            if max(obstacle.extent[0] - x, x - obstacle.extent[2], obstacle.extent[1] - y, y - obstacle.extent[3])
+            <= far
+        ]
 
 
 NOWHERE: Final = Arena(1.0, 1.0, 0.05)

@@ -5,12 +5,17 @@ path in the visibility graph of start, goal and corners (Lozano-Perez and Wesley
 at their corners matter. A grown corner is an arc. It is replaced by a chain of points on the arc, whose chords cut a
 little into the grown obstacle: the result is never longer than the true path, hence a lower bound, and shorter by at
 most 0.3 % of the arcs. The walls, moved inwards by the radius, leave a rectangle, which blocks no line of sight.
+
+The graph of n obstacles has about n^2 edges to look at. With more than `OBSTACLES_MAX` obstacles they are left out: the
+straight line is a lower bound, too.
 """
 
 import heapq
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point
@@ -19,6 +24,9 @@ ARC_STEP = math.radians(15.0)
 """Angle between two points on a grown corner, radians."""
 CORNERS_MAX = 800
 """Bound of the corners of the visibility graph. With more, arcs are made coarser, which only weakens the bound."""
+
+OBSTACLES_MAX = 300
+"""Bound of the obstacles that ways lead around."""
 
 _INSIDE_M = 1e-7
 """Depth to which a path may enter a grown obstacle, metres: tolerance of rounding for a path that touches it."""
@@ -52,10 +60,18 @@ class FreeFlow:
         self._right = arena.width - self._low
         self._top = arena.height - self._low
         step = ARC_STEP
-        self._rings = [_grown(obstacle, radius, step) for obstacle in arena.obstacles]
+        obstacles = arena.obstacles if len(arena.obstacles) <= OBSTACLES_MAX else ()
+        self._rings = [_grown(obstacle, radius, step) for obstacle in obstacles]
         while sum(len(ring.points) for ring in self._rings) > CORNERS_MAX and step < math.pi:
             step *= 2.0
-            self._rings = [_grown(obstacle, radius, step) for obstacle in arena.obstacles]
+            self._rings = [_grown(obstacle, radius, step) for obstacle in obstacles]
+        self._in_the_way = 0
+        """The obstacle that was found in the way last."""
+        self._boxes = np.array([ring[1:] for ring in self._rings]).reshape(-1, 4).T
+        left, right, bottom, top = self._boxes
+        diagonal = np.hypot(right - left, top - bottom)
+        self._circles = np.array([(left + right) / 2.0, (bottom + top) / 2.0, diagonal / 2.0 + _INSIDE_M])
+        """Centre and radius of a circle around each box."""
         self._corners = [corner for ring in self._rings for corner in _corners(ring) if self.free(corner.at)]
         self._links: list[list[tuple[int, float]]] | None = None
 
@@ -103,9 +119,11 @@ class FreeFlow:
         """Return the edges of the visibility graph by corner, with lengths in metres; built on first use."""
         if self._links is None:
             links: list[list[tuple[int, float]]] = [[] for _ in self._corners]
+            corners = np.array(self._corners).reshape(-1, 3, 2)
             for i, a in enumerate(self._corners):
-                for j, b in enumerate(self._corners[:i]):
-                    if _passes(a, b.at) and _passes(b, a.at) and self._visible(a.at, b.at):
+                for j in _tangents(corners, i):
+                    b = self._corners[j]
+                    if self._visible(a.at, b.at):
                         length = math.dist(a.at, b.at)
                         links[i].append((j, length))
                         links[j].append((i, length))
@@ -114,16 +132,40 @@ class FreeFlow:
 
     def _visible(self, a: Point, b: Point) -> bool:
         """Return whether the straight way from `a` to `b` enters no grown obstacle."""
-        ax, ay = a
-        bx, by = b
-        for points, left, right, bottom, top in self._rings:
-            if (ax < left and bx < left) or (ax > right and bx > right):
-                continue
-            if (ay < bottom and by < bottom) or (ay > top and by > top):
-                continue
-            if _crosses(a, b, points):
+        # The way asked for before was often between the same obstacles, and what was in its way is in this one's, too.
+        if self._rings and _crosses(a, b, self._rings[self._in_the_way].points):
+            return False
+        left, right, bottom, top = self._boxes
+        beside = (max(a.x, b.x) < left) | (min(a.x, b.x) > right) | (max(a.y, b.y) < bottom) | (min(a.y, b.y) > top)
+        dx, dy = b.x - a.x, b.y - a.y
+        x, y, reach = self._circles
+        beside |= np.abs(dx * (y - a.y) - dy * (x - a.x)) > reach * math.hypot(dx, dy)
+        for k in np.flatnonzero(~beside):
+            if _crosses(a, b, self._rings[k].points):
+                self._in_the_way = int(k)
                 return False
         return True
+
+
+def _tangents(corners: np.ndarray, i: int) -> list[int]:
+    """Return the corners before the i-th one that the line from it touches: `_passes` at both ends.
+
+    `corners`: shape (n, 3, 2), each corner with the points before and after it.
+    """
+    at, before, after = corners[:i].transpose(1, 2, 0)
+    (x, y), (px, py), (qx, qy) = corners[i]
+    dx, dy = at[0] - x, at[1] - y
+    slack = _INSIDE_M * (np.abs(dx) + np.abs(dy))
+    found = np.ones(i, dtype=bool)
+    for one, other in (
+        (dx * (py - y) - dy * (px - x), dx * (qy - y) - dy * (qx - x)),
+        (
+            -dx * (before[1] - at[1]) + dy * (before[0] - at[0]),
+            -dx * (after[1] - at[1]) + dy * (after[0] - at[0]),
+        ),
+    ):
+        found &= ((one <= slack) & (other <= slack)) | ((one >= -slack) & (other >= -slack))
+    return [int(j) for j in np.flatnonzero(found)]
 
 
 def _passes(corner: _Corner, other: Point) -> bool:

@@ -26,6 +26,9 @@ SAME_PLACE_M: Final = 0.03
 RELAXED_M: Final = 0.15
 """How near to start or goal the tight margin holds."""
 
+BLOCK: Final = 8
+"""Edge, in cells, of the blocks whose clearance is measured together."""
+
 Discs = tuple[tuple[float, float, float], ...]
 """Parked robots: x, y and the distance that another robot's centre keeps, metres."""
 
@@ -42,10 +45,19 @@ class OccupancyGrid:
         self.rows = max(1, round(arena.height / arena.cell))
         self.stride = self.columns + 2
         self.clear = [-1.0] * (self.stride * (self.rows + 2))
-        for row in range(self.rows):
-            for column in range(self.columns):
-                index = (row + 1) * self.stride + column + 1
-                self.clear[index] = arena.clearance((column + 0.5) * self.cell, (row + 0.5) * self.cell)
+        for row in range(0, self.rows, BLOCK):
+            for column in range(0, self.columns, BLOCK):
+                self._measure(row, column)
+
+    def _measure(self, row: int, column: int) -> None:
+        """Measure the block of cells with this one in its corner: few of many obstacles are near it."""
+        half = 0.5 * BLOCK * self.cell
+        near = self.arena.obstacles_around(column * self.cell + half, row * self.cell + half, 1.5 * half)
+        for r in range(row, min(row + BLOCK, self.rows)):
+            for c in range(column, min(column + BLOCK, self.columns)):
+                self.clear[self.index_at(c, r)] = self.arena.clearance_of(
+                    near, (c + 0.5) * self.cell, (r + 0.5) * self.cell
+                )
 
     def index(self, x: float, y: float) -> int:
         """Return the cell that holds (x, y); the nearest one for a point outside."""

@@ -1,6 +1,7 @@
-"""Polygons of a lab file: a concave outline becomes convex parts that cover it and nothing else."""
+"""Obstacles of a lab file: concave outlines become convex parts, and many obstacles are as exact as few."""
 
 import math
+import random
 
 import pytest
 from hypothesis import given, settings
@@ -9,7 +10,9 @@ from world_labs import ROOM, complaints, lab_of
 
 from rmr.base.arena import Polygon
 from rmr.base.geometry import Point, point_segment_distance
+from rmr.node.motion.grid import OccupancyGrid
 from rmr_world.convex_parts import convex_parts
+from rmr_world.free_flow import OBSTACLES_MAX, FreeFlow
 
 ELL = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.2), (0.2, 0.2), (0.2, 1.0), (0.0, 1.0)]
 COMB = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
@@ -99,3 +102,31 @@ def test_concave_obstacle_is_an_obstacle_in_all_its_parts_and_its_bay_is_free(tm
     assert len(arena.obstacles) == 3
     assert all(arena.clearance(x, y) == 0.0 for x, y in [(1.1, 1.1), (1.9, 1.1), (1.5, 0.4), (1.1, 0.4)])
     assert arena.clearance(1.5, 0.9) == pytest.approx(0.3)
+
+
+def scattered(count, size_m):
+    """Return a lab with small boxes all over its floor, but for a strip at each side."""
+    chance = random.Random(count)
+    spots = [(chance.uniform(1.0, size_m - 1.1), chance.uniform(0.0, size_m - 0.1)) for _ in range(count)]
+    boxes = "".join(f"  - {{box: [{x:.3f}, {y:.3f}, {x + 0.05:.3f}, {y + 0.05:.3f}]}}\n" for x, y in spots)
+    room = ROOM.replace("[3.0, 1.5]", f"[{size_m}, {size_m}]").replace("[0.5, 0.75, 0deg]", f"[0.5, {size_m / 2}, 0]")
+    return f"{room}obstacles:\n{boxes}"
+
+
+def test_clearance_of_each_cell_is_that_of_all_obstacles(tmp_path):
+    arena = lab_of(tmp_path, scattered(60, 4.0)).arena
+    grid = OccupancyGrid(arena)
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            cell = grid.index_at(column, row)
+            assert grid.clear[cell] == arena.clearance((column + 0.5) * grid.cell, (row + 0.5) * grid.cell)
+
+
+def test_free_flow_leads_around_many_obstacles_and_is_straight_past_more(tmp_path):
+    start, goal = Point(0.5, 2.0), Point(3.5, 2.0)
+    around, straight = (
+        FreeFlow(lab_of(tmp_path, scattered(count, 4.0)).arena).lengths(start, [goal])[0]
+        for count in (60, OBSTACLES_MAX + 1)
+    )
+    assert 3.0 < around < 3.5
+    assert straight == pytest.approx(3.0), "still a lower bound"
