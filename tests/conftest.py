@@ -1,6 +1,8 @@
 """What all tests share: their tiers, the importable helpers of this folder (`vm_hand`), settings of hypothesis."""
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -13,6 +15,11 @@ from rmr.vm.engines import Engine
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A suite that runs in a shell's background is started with SIGINT ignored, and so would be every process it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Python's cache of byte-code is written, whatever the shell says: each of the many processes that tests start would
+# compile all that it imports, and each worker would rewrite the assertions of all tests.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # The same examples in every run, so that only a change makes a test fail; campaigns over seeds run outside the suite.
 settings.register_profile("suite", derandomize=True, print_blob=True)
