@@ -26,9 +26,22 @@ settings.register_profile("suite", derandomize=True, print_blob=True)
 settings.load_profile("suite")
 
 
+SLOW_WORKERS_PER_CORE = 1.5
+"""A run of `rmr up` with one to five robots takes 0.2 to 0.6 of a core; the rest of its time it waits for its clock."""
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Give each test its tier."""
     config.pluginmanager.register(tiers)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """Return the number of workers of `-n auto` for the slow tier; None: one a core, as pytest-xdist has it."""
+    if config.option.markexpr != "slow" or "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, round(SLOW_WORKERS_PER_CORE * cores))
 
 
 @pytest.fixture(scope="session", autouse=True)
