@@ -45,14 +45,16 @@ def check(number: int) -> None:
     run = drawn(number)
     assert run.logs
     assert {robot for robot, _ in run.logs} == set(run.simulation.lab.roster)
+    twins = {}
     for robot, epoch in run.logs:
         engine = rng.choice(list(Engine))
         level = rng.choice((TraceLevel.NOTHING, TraceLevel.NOTES, TraceLevel.FACTS))
         replay = run.replay(robot, epoch, engine=engine, trace=level)
         assert replay.difference is None, (number, robot, epoch, engine, level)
         assert replay.ended
+        twins[robot, epoch] = replay.node
     for robot in run.simulation.robots:
-        twin = run.replay(robot.robot, robot.restarts).node
+        twin = twins[robot.robot, robot.restarts]
         assert twin.machine.facts() == robot.node.machine.facts()
         assert twin.machine.firings == robot.node.machine.firings
 
