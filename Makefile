@@ -44,7 +44,7 @@ test-fast: $(STAMP) ## the fast tests alone, under a minute, to run while one ed
 	RMR_COMPILED= $(BIN)/python -m pytest -m fast -n auto --dist worksteal $(XDIST)
 
 test-slow: $(STAMP) ## the slow tests alone
-	RMR_COMPILED= $(BIN)/python -m pytest -m slow -n auto --dist loadfile $(XDIST)
+	RMR_COMPILED= $(BIN)/python -m pytest -m slow -n auto --dist worksteal $(XDIST)
 
 test-all: ## every test, the way CI runs it: `make test`, then the slow ones
 	$(MAKE) test

@@ -1,12 +1,14 @@
 """What all tests share: their tiers, the importable helpers of this folder (`vm_hand`), settings of hypothesis."""
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
 import tiers
 import vm_hand
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from rmr.vm.engines import Engine
 
@@ -14,14 +16,35 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A suite that runs in a shell's background is started with SIGINT ignored, and so would be every process it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Python's cache of byte-code is written, whatever the shell says: each of the many processes that tests start would
+# compile all that it imports, and each worker would rewrite the assertions of all tests.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # The same examples in every run, so that only a change makes a test fail; campaigns over seeds run outside the suite.
-settings.register_profile("suite", derandomize=True, print_blob=True)
+# No example is judged by its wall time: another program on the machine would make it fail.
+settings.register_profile(
+    "suite", derandomize=True, print_blob=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("suite")
+
+
+SLOW_WORKERS_PER_CORE = 1.5
+"""A run of `rmr up` with one to five robots takes 0.2 to 0.6 of a core; the rest of its time it waits for its clock."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Give each test its tier."""
     config.pluginmanager.register(tiers)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """Return the number of workers of `-n auto` for the slow tier; None: one a core, as pytest-xdist has it."""
+    if config.option.markexpr != "slow" or "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, round(SLOW_WORKERS_PER_CORE * cores))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -300,7 +300,7 @@ def test_facts_that_come_between_firings_bring_each_match_once_in_its_order(seed
         compare(Triples(seed))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(seeds)
 def test_a_rule_that_searches_for_a_goal_takes_its_matches_in_turn(seed: int) -> None:
     compare(Searching(seed))
