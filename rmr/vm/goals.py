@@ -22,7 +22,7 @@ from rmr.vm.derive import Chain, Derived, DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.machine_events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
-from rmr.vm.ranks import GoalKey, Ranks, WayStep, goal_key, here, reading
+from rmr.vm.ranks import GoalKey, GoalStep, Ranks, goal_key, here, reading
 from rmr.vm.rotor import Rotor
 from rmr.vm.store import Args, Holdings
 
@@ -203,7 +203,7 @@ class Goals:
             rule, (each for item in items for each in facts_of(self._program, self._robot, item, now))
         )
 
-    def way(self, derived: Sequence[Chain], now: Instant) -> list[WayStep]:
+    def way(self, derived: Sequence[Chain], now: Instant) -> list[GoalStep]:
         """Return a shortest way over facts from what a firing derives to an open goal; empty if none is known."""
         items = (item for chain in derived for item in chain)
         return self._ranks.way([each for item in items for each in facts_of(self._program, self._robot, item, now)])

@@ -54,7 +54,7 @@ def rank_text(rank: int | None) -> str:
     return "no rank yet, for the search for it is not finished" if rank == PENDING else f"rank {rank}"
 
 
-class WayStep(NamedTuple):
+class GoalStep(NamedTuple):
     """A firing on a way to a goal."""
 
     rule: int
@@ -316,7 +316,7 @@ class Ranks:
         estimate = self.estimated(near)
         return None if estimate is None else ESTIMATE + estimate
 
-    def way(self, facts: Iterable[tuple[int, Args]]) -> list[WayStep]:
+    def way(self, facts: Iterable[tuple[int, Args]]) -> list[GoalStep]:
         """Return a shortest way from one of `facts` to an open goal, over the facts that hold; empty: none is known."""
         ways = self._ways
         if ways is None:
@@ -324,7 +324,7 @@ class Ranks:
         known = [(level, each) for each in facts if (level := ways.level(*each)) is not None and level < FAR]
         nearest = min(known, key=itemgetter(0), default=None)
         return [
-            WayStep(
+            GoalStep(
                 step.rule,
                 step.end.predicate,
                 ways.shown(step.end.args),

@@ -19,7 +19,7 @@ from rmr.vm.goals import Goals
 from rmr.vm.interpreter import plans_of
 from rmr.vm.match import bind_again
 from rmr.vm.provenance import FiringRecord
-from rmr.vm.ranks import ESTIMATE, PENDING, WayStep
+from rmr.vm.ranks import ESTIMATE, PENDING, GoalStep
 from rmr.vm.store import Fact, Store
 from rmr.why.mind_index import PastFact
 from rmr.why.rule_words import item_text, rule_name
@@ -49,7 +49,7 @@ class PastRank:
 
     rank: int | None
     source: RankSource
-    way: tuple[WayStep, ...] = ()
+    way: tuple[GoalStep, ...] = ()
     """Of a rank over facts: the firings after this one, up to the goal."""
 
     @property
@@ -137,7 +137,7 @@ class PastRanks:
         return PENDING
 
 
-def way_text(program: Program, robot: int, way: Sequence[WayStep]) -> str:
+def way_text(program: Program, robot: int, way: Sequence[GoalStep]) -> str:
     """Return the firings of a way: what each derives, by which rule, over which facts."""
     steps = []
     for step in way[:STEPS_SHOWN]:
