@@ -11,6 +11,8 @@ from math import isfinite
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import Base, Type
 
+NUMBERS = (Base.INT, Base.FLOAT)
+
 NESTING_MAX = 16
 """Depth of nested lists, in values and types; deeper ones have no use and could exhaust a reader's stack."""
 
@@ -85,6 +87,13 @@ def checker(kind: Type) -> Callable[[Value], bool]:
         return lambda value: type(value) is wanted and len(value) <= LENGTH_MAX and _is_text(value)
     in_range = _NUMBERS[wanted]
     return lambda value: type(value) is wanted and in_range(value)
+
+
+def comparable(one: Type, other: Type) -> bool:
+    """Return whether Python's ``==`` of any values of the two types is what a program calls equal."""
+    if one.base is Base.LIST and other.base is Base.LIST:
+        return one.element is not None and other.element is not None and comparable(one.element, other.element)
+    return one.base is not Base.OPEN and (one.base is other.base or (one.base in NUMBERS and other.base in NUMBERS))
 
 
 def fits(kind: Type, wanted: Type) -> bool:

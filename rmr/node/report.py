@@ -51,13 +51,17 @@ def job_entry(job: TimedJob) -> dict[str, Any]:
 def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
     """Return robot's entry of the report; `radio` holds the link's counters."""
     jobs = node.machine.jobs
+    now = node.services.now
     goals = node.machine.goals()
     log = node.services.action_log
     deliveries = node.messenger.deliveries
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
         "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
-        "assertions": [job_entry(job) for job in jobs],
+        "assertions": [
+            {**job_entry(job), "steps": log.steps.entries(node.robot, job, now)} if job.missed else job_entry(job)
+            for job in jobs
+        ],
         "assertions_omitted": jobs[0].serial - 1 if jobs else 0,
         "facts": node.machine.facts(),
         **({"set_aside": aside} if (aside := node.machine.set_aside()) else {}),

@@ -309,7 +309,7 @@ def _part(
 ) -> Planned | Inner:
     """Return the plan of an item of a head behind which the slots `bound` are bound."""
     if isinstance(head, Comprehension | Aggregate):
-        return _inner(head, plan(head.body, predicates, bound), predicates, scope)
+        return _inner(head, plan(head.body, predicates, bound, scope), predicates, scope)
     return _planned(head.steps if isinstance(head, Steps) else (head,), predicates, scope)
 
 

@@ -60,9 +60,10 @@ class WantedFact:
 class GroundStep:
     """An edge: a firing that derives `end` from `start` and facts that hold."""
 
-    __slots__ = ("absents", "blockers", "end", "facts", "start")
+    __slots__ = ("absents", "blockers", "end", "facts", "rule", "start")
 
-    def __init__(self, start: WantedFact, end: WantedFact, facts: tuple[FactKey, ...]) -> None:
+    def __init__(self, rule: int, start: WantedFact, end: WantedFact, facts: tuple[FactKey, ...]) -> None:
+        self.rule = rule
         self.start = start
         self.end = end
         self.facts = facts

@@ -12,15 +12,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 
 from rmr.analysis.backward_chaining import Patterns, numbered, resolved
+from rmr.analysis.rank_budget import EDGES_MAX
 from rmr.analysis.regressions import AbsentAtom, ChainOption, Check, Comparison, Regression, Regressions, Row, Terms
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, SELF_SLOT, Anything, Constant, Pattern, Slot
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.goal_graph import FAR, FactKey, GoalGraph, GroundStep, WantedFact
 from rmr.vm.side_facts import Env, SideFacts, has_twins, is_known, matches, probe, undo
-
-EDGES_MAX = 500_000
-"""Steps and nodes of one robot's graph, some 300 bytes each; beyond that nothing further is explored."""
 
 CHANGES_MAX = 100_000
 """Changes of facts that may wait to be applied; beyond that the graph is dropped, for it costs less to begin anew."""
@@ -107,6 +105,22 @@ class GoalWays(GoalGraph):
             if node.level < lowest and node.level == node.ahead and _agrees(node.args, row):
                 lowest = node.level
         return lowest if lowest <= self.exact else None
+
+    def way(self, predicate: int, args: Args) -> list[GroundStep]:
+        """Return a shortest way from a fact to a goal; empty if it is one, there is none, or levels are not final."""
+        level = self.level(predicate, args) if self.is_done else None
+        row = self._compare.row(args)
+        nodes = [*self._ground.get(predicate, {}).values(), *self._open.get(predicate, {}).values()]
+        at = next((node for node in nodes if node.level == node.ahead == level and _agrees(node.args, row)), None)
+        steps: list[GroundStep] = []
+        while at is not None and at.level:
+            steps.append(next(s for s in at.from_here if not s.blockers and s.end.level == at.level - 1))
+            at = steps[-1].end
+        return steps
+
+    def shown(self, row: Row) -> tuple[Value | Pattern, ...]:
+        """Return arguments of a node or side fact as values; slots and ANY where it is open."""
+        return tuple([arg if isinstance(arg, Slot | Anything) else self._compare.value(arg) for arg in row])
 
     # The work
 
@@ -264,7 +278,7 @@ class GoalWays(GoalGraph):
         if all(self._holds(check, regression, env, trail) for check in regression.checks):
             start = self._node(option.predicate, _premise(option.terms, env))
             if start is not None and start is not end and self._has_room():
-                step = GroundStep(start, end, tuple(picked))
+                step = GroundStep(regression.rule, start, end, tuple(picked))
                 start.from_here[step] = end.to_here[step] = None
                 for fact in step.facts:
                     self._steps_with.setdefault(fact, {})[step] = None

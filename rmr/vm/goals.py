@@ -12,6 +12,7 @@ derives counts as those of its declared effects that are facts of this robot.
 from collections.abc import Iterator, Sequence
 
 from rmr.analysis.backward_chaining import Patterns
+from rmr.analysis.rank_budget import EDGES_MAX, RANKING_RUNS_MAX
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, Constant, Program
@@ -19,10 +20,9 @@ from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.derive import Chain, Derived, DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.goal_ways import EDGES_MAX
 from rmr.vm.machine_events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
-from rmr.vm.ranks import RANKING_RUNS_MAX, GoalKey, Ranks, goal_key, here, reading
+from rmr.vm.ranks import GoalKey, GoalStep, Ranks, goal_key, here, reading
 from rmr.vm.rotor import Rotor
 from rmr.vm.store import Args, Holdings
 
@@ -202,6 +202,11 @@ class Goals:
         return self._ranks.of(
             rule, (each for item in items for each in facts_of(self._program, self._robot, item, now))
         )
+
+    def way(self, derived: Sequence[Chain], now: Instant) -> list[GoalStep]:
+        """Return a shortest way over facts from what a firing derives to an open goal; empty if none is known."""
+        items = (item for chain in derived for item in chain)
+        return self._ranks.way([each for item in items for each in facts_of(self._program, self._robot, item, now)])
 
     def _withdraws(self, item: Derived) -> bool:
         """Return whether an item of a head withdraws a goal that is open."""

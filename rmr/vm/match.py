@@ -17,6 +17,7 @@ from typing import Any
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
+from rmr.bytecode.conform import comparable
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import (
     SELF_SLOT,
@@ -32,7 +33,9 @@ from rmr.bytecode.program import (
     Pattern,
     Predicate,
     Slot,
+    Type,
 )
+from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.aggregate import reduced
 from rmr.vm.evaluate import NoValue, evaluate, same
 from rmr.vm.store import Fact, Facts, Store, is_open
@@ -40,6 +43,7 @@ from rmr.vm.store import Fact, Facts, Store, is_open
 Args = tuple[Value, ...]
 Env = list[Value]
 Found = list[Fact]
+TypeAt = Callable[[int], Type | None]
 OnFailure = Callable[[int, Found, str], None]
 """Called with (step, facts matched so far, reason) when an expression of a body has no value."""
 
@@ -63,7 +67,7 @@ class AtomStep:
     twins: tuple[tuple[int, int], ...]
     """(position, earlier position) of a variable that the atom has twice."""
     strict: bool
-    """Whether the predicate has open types: then values are compared strictly, for 1 == 1.0 == True in Python."""
+    """Whether values of types that differ may meet: then they are compared strictly, for 1 == @1 == True in Python."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +107,15 @@ FOLDED = -1
 Its serial is what identifies the value. So a match in which the value has changed is another match."""
 
 
-def plan(body: Iterable[Conjunct], predicates: tuple[Predicate, ...], bound: Iterable[int] = (SELF_SLOT,)) -> Plan:
-    """Return the steps of `body`, before which the slots `bound` are bound."""
+def plan(
+    body: Iterable[Conjunct],
+    predicates: tuple[Predicate, ...],
+    bound: Iterable[int] = (SELF_SLOT,),
+    outer: Scope | None = None,
+) -> Plan:
+    """Return the steps of `body`, before which the slots `bound` are bound, with the types that `outer` knows."""
     known = set(bound)
+    scope = Scope(outer)
     steps: list[Step] = []
     for conjunct in body:
         if isinstance(conjunct, Guard):
@@ -114,18 +124,25 @@ def plan(body: Iterable[Conjunct], predicates: tuple[Predicate, ...], bound: Ite
             steps.append(BindStep(conjunct.slot, conjunct.code))
             known.add(conjunct.slot)
         elif isinstance(conjunct, Fold):
-            inner = plan(conjunct.body, predicates, known)
+            inner = plan(conjunct.body, predicates, known, scope)
             steps.append(FoldStep(conjunct.operator, conjunct.term, conjunct.result, inner))
             known.add(conjunct.result)
         else:
-            steps.append(plan_atom(conjunct, predicates, known))
+            steps.append(plan_atom(conjunct, predicates, known, scope.type_at))
             if conjunct.mode is not Mode.ABSENT:
                 known.update(pattern.index for pattern in conjunct.args if isinstance(pattern, Slot))
+        scope.grow([conjunct], predicates)
     return tuple(steps)
 
 
-def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[int]) -> AtomStep:
-    """Return the plan of an atom; slots that are not `bound` are bound by it (by ABSENT only compared)."""
+def plan_atom(
+    atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[int], type_at: TypeAt | None = None
+) -> AtomStep:
+    """Return the plan of an atom; slots that are not `bound` are bound by it (by ABSENT only compared).
+
+    `type_at` returns the static type of a bound slot, None if it is not known; without it slots have the types of the
+    arguments with which they are compared.
+    """
     tests: list[tuple[int, Value]] = []
     joins: list[tuple[int, int]] = []
     binds: dict[int, int] = {}
@@ -141,6 +158,10 @@ def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[i
             twins.append((position, binds[pattern.index]))
         else:
             binds[pattern.index] = position
+    types = predicates[atom.predicate].types
+    compared = [(types[position], types[other]) for position, other in twins]
+    if type_at is not None:
+        compared += [(types[position], type_at(slot) or UNKNOWN) for position, slot in joins]
     return AtomStep(
         atom.predicate,
         atom.mode,
@@ -148,7 +169,7 @@ def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[i
         tuple(joins),
         tuple([(position, slot) for slot, position in binds.items()]),
         tuple(twins),
-        any(map(is_open, predicates[atom.predicate].types)),
+        any(map(is_open, types)) or not all(comparable(one, other) for one, other in compared),
     )
 
 

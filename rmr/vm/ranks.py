@@ -15,15 +15,18 @@ whose rank is not known yet has the rank PENDING. A machine that would fire such
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import itemgetter
+from typing import NamedTuple
 
 from rmr.analysis.backward_chaining import HOME, Backwards, Patterns, Wanted
 from rmr.analysis.goal_levels import Levels
+from rmr.analysis.rank_budget import RANKING_RUNS_MAX, RANKING_STEPS
 from rmr.analysis.regressions import regressions_of
 from rmr.base.identity import ByIdentity
-from rmr.base.values import Robot
+from rmr.base.values import Robot, Value
 from rmr.bytecode.heads import items
 from rmr.bytecode.octets import identity
-from rmr.bytecode.program import GOALS_OF, Constant, DeriveGoal, Lead, Program
+from rmr.bytecode.program import GOALS_OF, Constant, DeriveGoal, Lead, Pattern, Program
 from rmr.vm.goal_graph import FAR
 from rmr.vm.goal_ways import GoalWays
 from rmr.vm.store import Args, Holdings
@@ -41,12 +44,6 @@ PENDING = 1 << 28
 ESTIMATE = 1 << 29
 """Added to a rank that is an estimate: no way over the facts that hold leads from the firing to a goal."""
 
-RANKING_STEPS = 5_000
-"""Steps of the search that one `run` may take: a few milliseconds of a tick of 16."""
-
-RANKING_RUNS_MAX = 600
-"""Runs in a row for which a machine waits for its ranks, 10 s of ticks: enough for a map of a million facts."""
-
 
 def rank_text(rank: int | None) -> str:
     """Return a rank in words."""
@@ -55,6 +52,17 @@ def rank_text(rank: int | None) -> str:
     if rank >= ESTIMATE:
         return f"rank {rank - ESTIMATE} if facts change, for there is no way over those that hold"
     return "no rank yet, for the search for it is not finished" if rank == PENDING else f"rank {rank}"
+
+
+class GoalStep(NamedTuple):
+    """A firing on a way to a goal."""
+
+    rule: int
+    predicate: int
+    args: tuple[Value | Pattern, ...]
+    """With `predicate`: what the firing derives."""
+    facts: tuple[tuple[int, tuple[Value | Pattern, ...]], ...]
+    """The other facts of its body that have to hold; what the step before derives is not among them."""
 
 
 class Leads:
@@ -307,6 +315,23 @@ class Ranks:
             return PENDING
         estimate = self.estimated(near)
         return None if estimate is None else ESTIMATE + estimate
+
+    def way(self, facts: Iterable[tuple[int, Args]]) -> list[GoalStep]:
+        """Return a shortest way from one of `facts` to an open goal, over the facts that hold; empty: none is known."""
+        ways = self._ways
+        if ways is None:
+            return []
+        known = [(level, each) for each in facts if (level := ways.level(*each)) is not None and level < FAR]
+        nearest = min(known, key=itemgetter(0), default=None)
+        return [
+            GoalStep(
+                step.rule,
+                step.end.predicate,
+                ways.shown(step.end.args),
+                tuple([(predicate, ways.shown(row)) for predicate, row in step.facts]),
+            )
+            for step in ([] if nearest is None else ways.way(*nearest[1]))
+        ]
 
     def estimated(self, facts: Iterable[tuple[int, Args]]) -> int | None:
         """Return the number of firings from one of `facts` to a goal if all else holds; None: no rule leads there."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
+from rmr.why.past_ranks import PastRank
 
 
 @dataclass(slots=True)
@@ -12,16 +13,21 @@ class AbsenceNode:
 
     kind: str
     """``absent``, ``held``, ``rule``, ``satisfied``, ``missing``, ``blocked``, ``false``, ``undecided``, ``action``,
-    ``message``, ``sensor``, ``step`` or ``note``."""
+    ``message``, ``sensor``, ``step``, ``passed over``, ``match``, ``way`` or ``note``."""
     text: str
     children: list["AbsenceNode"] = field(default_factory=list)
     place: tuple[str, int, int] | None = None
     """Of a rule: file, line, column."""
+    rank: PastRank | None = None
+    """Of a match that was satisfied, or was chosen."""
 
     def as_data(self) -> dict[str, Any]:
         """Return the tree for JSON."""
         where = None if self.place is None else dict(zip(("file", "line", "column"), self.place, strict=True))
-        return {"kind": self.kind, "text": self.text, "place": where, "children": [c.as_data() for c in self.children]}
+        data: dict[str, Any] = {"kind": self.kind, "text": self.text, "place": where}
+        if self.rank is not None:
+            data |= {"rank": self.rank.rank, "ranked_by": self.rank.source.value}
+        return {**data, "children": [each.as_data() for each in self.children]}
 
 
 @dataclass(slots=True)

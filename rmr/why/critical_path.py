@@ -56,6 +56,15 @@ OWNER_OF: Mapping[Motion, TimeOwner] = {
 """Who owns the time of a drive, by what the wheels do."""
 
 
+class PathAction(NamedTuple):
+    """An action on the path."""
+
+    end: Instant
+    """When the path has left it: its end, or the end of the job's time."""
+    robot: int
+    text: str
+
+
 class Delay(NamedTuple):
     """The explained time of one job."""
 
@@ -67,6 +76,8 @@ class Delay(NamedTuple):
     """When the robot knew of the finish; None: never."""
     intervals: tuple[Interval, ...]
     """From the start to `end`, in the order of time; none reaches across the deadline."""
+    actions: tuple[PathAction, ...] = ()
+    """The actions on the path, in the order of their ends."""
 
     @property
     def lateness(self) -> int | None:
@@ -86,7 +97,8 @@ def explained(
         end = min(end, max(history.ends for history in histories.values()))
     path = CriticalPath(histories, program, attempts, job.start, max(end, job.start))
     path.follow(path.of_job(robot, job, learned))
-    return Delay(robot, job, max(end, job.start), learned, cut_at(path.intervals(), job.deadline))
+    intervals = cut_at(path.intervals(), job.deadline)
+    return Delay(robot, job, max(end, job.start), learned, intervals, path.actions())
 
 
 class CriticalPath:
@@ -106,12 +118,17 @@ class CriticalPath:
         self._begin = begin
         self._cursor = end
         self._found: list[Interval] = []
+        self._actions: list[PathAction] = []
         self._asked: set[int] = set()
         """Robots that were found without anything under way; asked again they would lead in a circle."""
 
     def intervals(self) -> tuple[Interval, ...]:
         """Return what has been found, in the order of time; neighbours with the same owner are one."""
         return merged(reversed(self._found))
+
+    def actions(self) -> tuple[PathAction, ...]:
+        """Return the actions that the path has gone through, in the order of their ends."""
+        return tuple(reversed(self._actions))
 
     def follow(self, step: Step | None) -> None:
         """Go back step by step until the start is reached."""
@@ -263,6 +280,7 @@ class CriticalPath:
 
     def _action(self, robot: int, span: ActionSpan) -> Step | None:
         """From an action's end over its run and its waits to what derived it."""
+        self._actions.append(PathAction(self._cursor, robot, span.text))
         if span.started is not None:
             if span.wheels:
                 self._cover_drive(span.started, robot, span)

@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 from rmr.base.time import Duration, in_seconds
 from rmr.why.critical_path import Delay
 from rmr.why.delay_owner import Interval, TimeOwner
+from rmr.why.delay_steps import steps_of
 
 LARGEST: Final = 3
 """Owners that a line on one of many missed deadlines names."""
@@ -54,7 +55,23 @@ def delay_text(delay: Delay, *, timeline: bool = False) -> str:
                 f"  {in_seconds(share.duration):8.3f} s  {percent:3d} %  {share.owner.value:<14}  {share.words}"
             )
     lines.append(f"  {in_seconds(total):8.3f} s  in all{_after_deadline(delay)}")
+    lines += _steps_text(delay)
     return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _steps_text(delay: Delay) -> list[str]:
+    """Return the steps of a job that has several: when each ended, its time, and what that went into."""
+    steps = steps_of(delay)
+    if len(steps) < 2:
+        return []
+    lines = ["by step, until it ended:"]
+    for step in steps:
+        whose = "" if step.robot == delay.robot else f"robot {step.robot}: "
+        times = ", ".join(f"{owner.value} {in_seconds(time):.3f} s" for owner, time in step.owners)
+        lines.append(
+            f"  {in_seconds(step.end):9.3f} s  {in_seconds(step.duration):8.3f} s  {whose}{step.text}: {times}"
+        )
+    return lines
 
 
 def heading(delay: Delay) -> str:
@@ -105,6 +122,17 @@ def delay_data(delay: Delay) -> dict[str, Any]:
                 "intervals": share.intervals,
             }
             for share in shares(delay)
+        ],
+        "steps": [
+            {
+                "begin_ns": step.begin,
+                "end_ns": step.end,
+                "s": in_seconds(step.duration),
+                "robot": step.robot,
+                "action": step.text if step.is_action else None,
+                "owners": [{"owner": owner.value, "s": in_seconds(time), "ns": time} for owner, time in step.owners],
+            }
+            for step in steps_of(delay)
         ],
         "intervals": [
             {

@@ -148,6 +148,8 @@ class MindIndex:
         """By the serial number of the insertion."""
         self.by_predicate: defaultdict[int, list[PastFact]] = defaultdict(list)
         self.firings: dict[int, FiringRecord] = {}
+        self.firing_places: dict[int, int] = {}
+        """By number of a firing: its place among the records."""
         self.actions: dict[int, PastAction] = {}
         self.sends: list[PastSend] = []
         self.goals: list[PastGoal] = []
@@ -181,6 +183,11 @@ class MindIndex:
         """Return the facts of `predicate` that held after all that happened at `now`, oldest first."""
         return [fact for fact in self.by_predicate[predicate] if fact.held_at(now)]
 
+    def held_before(self, predicate: int, firing: int) -> list[PastFact]:
+        """Return the facts of `predicate` that held just before a firing, oldest first."""
+        place = self.firing_places[firing]
+        return [fact for fact in self.by_predicate[predicate] if fact.place < place < fact.removed_place]
+
     def _number(self) -> int:
         return self.first_number + len(self.items)
 
@@ -200,6 +207,7 @@ class MindIndex:
                 fact.removed_place = place
             case FiringRecord():
                 self.firings[record.number] = record
+                self.firing_places[record.number] = place
             case ActionRecord():
                 self._acted(record)
             case ActionStage():

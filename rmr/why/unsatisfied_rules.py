@@ -8,17 +8,17 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Fold, Guard, Mode, Slot, Strategy
+from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Fold, Guard, Mode, Slot
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.provenance import FiringCause, FiringRecord, Rival
+from rmr.vm.provenance import FiringCause, FiringRecord
 from rmr.vm.ranks import rank_text
-from rmr.vm.urgency import due_of
 from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
 from rmr.why.mind_index import MindIndex, PastFact
 from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
+from rmr.why.passed_over import PassedOver, preferred
 from rmr.why.past import Past
 from rmr.why.question import Question
 from rmr.why.rule_words import (
@@ -59,6 +59,7 @@ class UnsatisfiedRules:
         self._program = past.program
         self._now = now
         self._follow = follow
+        self._passed_over = PassedOver(past, now)
         self._shown: set[str] = set()
         """Attempts that the answer has explained."""
 
@@ -101,9 +102,11 @@ class UnsatisfiedRules:
                 node.text = f"{name}{whose} fired for it last {when}"
                 return node
             node.children.append(AbsenceNode("note", f"it fired last {when}"))
+        passed = self._passed_over.node(mind, source, match, 0 if fired is None else fired.number)
         if match.complete:
             node.text = f"{name}{whose}: its body is satisfied"
             node.children.append(AbsenceNode("note", self._not_fired(mind, source, match)))
+            node.children += passed
             return node
         node.text = f"{name}{whose}: {match.satisfied} of {len(match.verdicts)} conditions are satisfied"
         key = f"{mind.robot} {source.rule} {match.env!r}"
@@ -112,6 +115,7 @@ class UnsatisfiedRules:
             node.children.clear()
             return node
         self._shown.add(key)
+        node.children += passed
         words = [
             conjunct_text(self._program, conjunct, mind.robot, self._named(attempt))
             for conjunct, verdict in zip(source.body, match.verdicts, strict=True)
@@ -213,21 +217,9 @@ class UnsatisfiedRules:
             return words + ", this rule", False
         for rival in record.rivals:
             if rival.rule == source.rule:
-                why = self._preferred(mind, record, rival)
+                why = preferred(self._program, mind.robot, record, rival)
                 return f"{words}; this rule was satisfied then, too: {why}", True
         return words, False
-
-    def _preferred(self, mind: MindIndex, record: FiringRecord, rival: Rival) -> str:
-        """Return why a firing came before a rule that was satisfied as well."""
-        rank = rival.rank
-        if record.rank == rank and record.urgency != rival.urgency:
-            return _more_urgent(record.urgency, rival.urgency)
-        if record.rank == rank:
-            textual = self._program.strategy is Strategy.TEXTUAL
-            return "the other one stands before it (order textual)" if textual else "the other one was drawn by chance"
-        goal = ", ".join(item_text(self._program, predicate, mind.robot, args) for predicate, args in record.goals)
-        here = "no open goal follows from this one" if rank is None else f"this one has {rank_text(rank)}"
-        return f"the other one leads to an open goal ({goal}; {rank_text(record.rank)}), {here}"
 
     def _instead(self, mind: MindIndex, atom: Atom) -> str:
         held = mind.held(atom.predicate, self._now)[-NEAR_SHOWN:]
@@ -260,12 +252,3 @@ def _pattern(pattern: object, env: tuple[Value | None, ...]) -> Any:
         value = env[pattern.index]
         return ANY if value is None else Constant(value)
     return pattern
-
-
-def _more_urgent(first: int, second: int) -> str:
-    """Return why one firing came before another one of the same rank (``order deadline``)."""
-    due, other = due_of(first), due_of(second)
-    if due == other:
-        return f"both serve jobs due at {seconds_text(due)}, and the other one is nearer to the end of its job"
-    here = "this one serves no job" if other == NEVER else f"that of this one is due at {seconds_text(other)}"
-    return f"the job that the other one serves is due at {seconds_text(due)}, {here} (order deadline)"

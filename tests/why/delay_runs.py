@@ -5,11 +5,13 @@ import io
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from rmr.record.recording import open_recording
 from rmr.why.critical_path import Delay, explained
 from rmr.why.delay_owner import TimeOwner
 from rmr.why.delay_source import RecordedHistories, run_history
+from rmr.why.delay_steps import steps_of
 from rmr.why.missed_jobs import is_missed, missed_delays
 from rmr_sim.main import main as simulate
 
@@ -38,6 +40,33 @@ def check_exact(delay: Delay) -> None:
     assert at == delay.end
     late = sum(each.duration for each in delay.intervals if each.begin >= delay.job.deadline)
     assert late == max(0, delay.end - delay.job.deadline)
+    check_steps(delay)
+
+
+def check_steps(delay: Delay) -> None:
+    """Check that the steps of `delay` cover its time without gap or overlap, and its owners' times exactly."""
+    at = delay.job.start
+    owners: Counter[TimeOwner] = Counter()
+    for step in steps_of(delay):
+        assert (step.begin, step.begin < step.end) == (at, True), step
+        assert sum(time for _, time in step.owners) == step.duration, step
+        owners.update(dict(step.owners))
+        at = step.end
+    assert at == delay.end
+    wanted: Counter[TimeOwner] = Counter()
+    for interval in delay.intervals:
+        wanted[interval.owner] += interval.duration
+    assert owners == wanted
+
+
+def check_reported(steps: list[dict[str, Any]], begin: int, end: int) -> None:
+    """Check that the steps of a job in the report cover its time exactly, and that their times sum to it."""
+    for step in steps:
+        assert (step["begin_ns"], step["begin_ns"] < step["end_ns"]) == (begin, True), step
+        assert sum(step["time_ns"].values()) == step["end_ns"] - step["begin_ns"], step
+        assert all(time > 0 for time in step["time_ns"].values()), step
+        begin = step["end_ns"]
+    assert begin == end
 
 
 def check_run(folder: Path, run: RecordedHistories) -> Counter[TimeOwner]:
@@ -58,6 +87,11 @@ def check_run(folder: Path, run: RecordedHistories) -> Counter[TimeOwner]:
         for job in part["assertions"]
         if job["met"] is False
     }
-    missed = {(d.robot, d.job.name, round(d.job.start / 1e9, 3)) for d in missed_delays(run) if d.job.missed}
-    assert missed == reported
+    missed = {(d.robot, d.job.name, round(d.job.start / 1e9, 3)): d.job for d in missed_delays(run) if d.job.missed}
+    assert set(missed) == reported
+    for robot, part in report["robots"].items():
+        for entry in part["assertions"]:
+            if entry["met"] is False and entry["steps"]:
+                job = missed[int(robot), entry["name"], entry["start_s"]]
+                check_reported(entry["steps"], job.start, job.deadline if job.finish is None else job.finish)
     return owners

@@ -12,7 +12,7 @@ from rmr.lang.compiler import Compilation
 from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
 from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
 from rmr.lang.explain.explained_ensemble import ExplainedEnsemble, explain_ensemble
-from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer
+from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer, RankingBudget
 from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
 from rmr.lang.explain.texts import PredicateNames, Texts, environments
 from rmr.lang.read.syntax import GoalItem
@@ -24,6 +24,7 @@ class Explanation:
 
     file: str
     goals: tuple[ExplainedGoal, ...]
+    ranking: RankingBudget
     assertions: tuple[ExplainedAssertion, ...]
     rules: tuple[ExplainedRule, ...]
     """Rules in the order of the program; other parts refer to a rule by its index here."""
@@ -47,6 +48,7 @@ def explain(compilation: Compilation) -> Explanation | None:
     return Explanation(
         file=compilation.source.file,
         goals=tuple([goals.explain(*each) for each in zip(stated, program.goals, strict=True)]),
+        ranking=RankingBudget(),
         assertions=tuple([assertions.explain(*each) for each in watched]),
         rules=tuple([rules.explain(each) for each in checked.rules]),
         ensemble=tuple([explain_ensemble(each, texts) for each in checked.ensemble.plans]),

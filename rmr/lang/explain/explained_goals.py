@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rmr.analysis.backward_chaining import HOME, resolved
+from rmr.analysis.goal_levels import STEPS_MAX
+from rmr.analysis.rank_budget import EDGES_MAX, RANKING_RUNS_MAX, RANKING_STEPS
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts
 from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees
@@ -11,6 +13,25 @@ from rmr.lang.read.syntax import GoalItem
 
 WAYS_MAX = 10_000
 """Largest number of listed rules for all goals of a program; of further ones only the number."""
+
+COMPILED = "compiled"
+"""The rank is in the byte-code: the same for every match, whatever facts hold."""
+SEARCHED = "searched"
+"""A robot searches for the rank of each match: the shortest way over its facts, else an estimate."""
+
+
+@dataclass(frozen=True, slots=True)
+class RankingBudget:
+    """Bounds on a robot's search for ranks."""
+
+    steps_per_tick: int = RANKING_STEPS
+    """Steps of the search in one tick."""
+    ticks_waited: int = RANKING_RUNS_MAX
+    """Ticks in a row for which the robot fires nothing while ranks are not known; then it takes estimates."""
+    steps_kept: int = EDGES_MAX
+    """Steps and facts that the search keeps; beyond that there are only estimates."""
+    estimate_steps: int = STEPS_MAX
+    """Steps of the estimates for one set of goals; what lies beyond has no rank."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +44,8 @@ class LeadingRule:
     """Number of further firings after one of this rule; None: it depends on the match or the robot."""
     rank_min: int
     """Least number of further firings."""
+    ranked_by: str
+    """`COMPILED` or `SEARCHED`."""
     derives: str
     """The fact that leads there."""
     owner: str | None
@@ -96,6 +119,7 @@ class GoalExplainer:
             rule=way.rule,
             rank=way.rank,
             rank_min=wanted.level,
+            ranked_by=SEARCHED if way.rank is None else COMPILED,
             derives=names.fact(predicates[brought.predicate], owner, tuple(args)),
             owner=None if owner == resolved(HOME, brought.known) else names.term(owner),
             action=None if brought.action is None else predicates[brought.action].name,

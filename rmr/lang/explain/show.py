@@ -32,7 +32,8 @@ LABEL = 11
 
 GOALS = """\
 GOALS. The rank of a rule: how many further firings lead from it to the goal. The lowest goes first.
-At best: it depends on the match, on the robot, or on the facts that hold then: the shortest way over them."""
+Compiled: the same for every match. Searched: it depends on the match, on the robot, or on the facts that hold then.
+A robot takes the shortest way over them; without one an estimate, which takes all other facts for granted."""
 ASSERTIONS = "TIME ASSERTIONS. The actions that serve one are held back until it is the robot's turn."
 COLUMNS = "COLUMNS. Whether `rmr eval --engine columnar` takes all robots at once."
 RULES = "RULES. What they need, what comes of it, and what is sent to whom, with the octets that its values take."
@@ -72,6 +73,8 @@ class _Shown:
             for entry in entries:
                 yield ""
                 yield from entry
+            if title is GOALS and entries:
+                yield from self._ranking()
         yield from ("", COLUMNS, "")
         yield from self._columns()
 
@@ -96,10 +99,26 @@ class _Shown:
                 "" if goal.stated or goal.sensed else ": only a fact from outside fulfils it"
             )
 
+    def _ranking(self) -> Iterator[str]:
+        """Yield the bounds of the search, if a rank is searched for."""
+        goals = self._explanation.goals
+        if all(goal.worked_out and all(each.rank is not None for each in goal.rules) for goal in goals):
+            return
+        bounds = self._explanation.ranking
+        yield ""
+        yield (
+            f"  The search takes a robot at most {bounds.steps_per_tick:,} steps a tick; without ranks it waits for "
+            f"{bounds.ticks_waited} ticks at most,"
+        )
+        yield (
+            f"  then estimates. It keeps {bounds.steps_kept:,} steps and facts. Estimates take "
+            f"{bounds.estimate_steps:,} steps for one set of goals."
+        )
+
     def _leading(self, rule: LeadingRule) -> Iterator[str]:
         explained = self._explanation.rules[rule.rule]
         rank = f"rank {rule.rank_min}" + ("" if rule.rank is not None else " at best")
-        yield f"    {rank}  {_place(explained.place)}  {_cut(explained.text, TEXT_SHOWN_MAX)}"
+        yield f"    {rank}, {rule.ranked_by}  {_place(explained.place)}  {_cut(explained.text, TEXT_SHOWN_MAX)}"
         how = "derives" if rule.action is None else f"its action {rule.action} has the effect"
         here = "" if rule.owner is None else f" if {rule.owner} is the robot itself"
         needed = "the goal" if rule.needed_by is None else f"needed by the rule at {self._at(rule.needed_by)}"

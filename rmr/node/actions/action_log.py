@@ -9,6 +9,7 @@ from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.node.actions.dispatcher import INTERRUPTED
+from rmr.node.actions.job_steps import JobSteps
 
 ACTIONS_MAX: Final = 10_000
 """Started actions kept for the report; the oldest go first."""
@@ -25,6 +26,7 @@ class ActionLog:
         """Failures of handlers of the user's own whose actions declare no `else`."""
         self.first_failure: tuple[float, str, str] | None = None
         """When the first one failed, which, and why."""
+        self.steps = JobSteps()
 
     def __iter__(self) -> Iterator[tuple[float, str]]:
         return iter(self._kept)

@@ -27,7 +27,6 @@ __all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "Run
 RUNNING_MAX: Final = 1024
 """Actions under way or waiting at one robot, as many as the machine awaits; a program that derives more is broken."""
 
-
 STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER: Final = "taken over by a later one"
@@ -40,8 +39,7 @@ INTERRUPTED: Final = (STOPPED, TAKEN_OVER, NEW_PROGRAM, CANCELLED)
 """Failures that the program has brought about, and that are no faults."""
 FAILURE_CHARACTERS_MAX: Final = 500
 """Length of an action's reason of failure, which a user's handler may have written; the rest is cut off."""
-NO_LOOP: Final = "no running event loop"
-"""What asyncio says where there is no loop, as in the simulator."""
+NO_LOOP: Final = "no running event loop"  # what asyncio says where there is no loop, as in the simulator
 
 
 class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
@@ -141,7 +139,9 @@ class RunningAction:
     """The assertion whose missed deadline derived it."""
     origin: tuple[int, int] | None = None
     """Another robot waits for its end: that robot, and the number by which it knows the action."""
+    admitted: Instant | None = None  # to the wheels' queue, or to its beginning: it waits for no permit
     started: Instant | None = None
+    ended: Instant | None = None
     coroutine: Generator[object, None, None] | None = None
     """None: it has not begun, or has come to its end by itself. A coroutine that has ended is not touched again."""
     pause: Pause = field(default_factory=lambda: Pause(0))
@@ -239,6 +239,7 @@ class Dispatcher:
                 self._host.action_ended(now, running, CANCELLED)
 
     def _admit(self, now: Instant, running: RunningAction) -> None:
+        running.admitted = now
         if running.handler.at_once:
             self._interrupt(now)
         elif running.handler.wheels and (self.queue or self.driving):

@@ -187,6 +187,8 @@ class MachineRunner:
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
+        if self._program.assertions:
+            self._action_log.steps.derived(self._program, running, event.predicate, self._machine.undecided_jobs())
         if self._state.provenance is not None and running.held(now):
             self._state.provenance.action(now, event.serial, "held", jobs[0].event)
         self._actions.derive(now, running)
@@ -202,6 +204,7 @@ class MachineRunner:
 
     def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Apply the effects of an action's end, and report it to the robots that wait for it."""
+        running.ended = now
         action = self._program.index(running.name)
         assert action is not None, running.name
         if failure is None:

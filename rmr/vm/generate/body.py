@@ -75,6 +75,10 @@ class BoundSlots:
         """Return the source of an expression."""
         return expression(code, self.names, self.known, pool)
 
+    def type_at(self, slot: int) -> Type | None:
+        """Return the type of a slot; None if it is not known."""
+        return self.known[slot].type
+
     def bind(self, step: AtomStep, table: FactTable, argument: Callable[[int], Reference]) -> None:
         """Bind the slots that an atom binds; `argument` returns the expression of the argument at a position."""
         for position, slot in step.binds:
@@ -144,7 +148,7 @@ class Body:
     def take(self, place: int, atom: Atom, fact: str) -> None:
         """Let an atom take `fact`; nothing but its predicate is known."""
         table = self.tables[atom.predicate]
-        step = plan_atom(atom, self._predicates, self.slots.names)
+        step = plan_atom(atom, self._predicates, self.slots.names, self.slots.type_at)
         self._test(step, fact)
         self._found(place, step, table, fact)
 
@@ -233,7 +237,7 @@ class Body:
     def _atom(self, place: int, atom: Atom) -> None:
         build = self.build
         table = self.tables[atom.predicate]
-        step = plan_atom(atom, self._predicates, self.slots.names)
+        step = plan_atom(atom, self._predicates, self.slots.names, self.slots.type_at)
         fact = f"{self._fact}{place}"
         key = self._member(step, table)
         if key is not None:
@@ -255,7 +259,7 @@ class Body:
     def _absent(self, atom: Atom) -> None:
         build = self.build
         table = self.tables[atom.predicate]
-        step = plan_atom(atom, self._predicates, self.slots.names)
+        step = plan_atom(atom, self._predicates, self.slots.names, self.slots.type_at)
         key = self._member(step, table)
         if key is not None:
             build(If(f"{key} in {table.name}", (self._skip,)))

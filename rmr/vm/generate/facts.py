@@ -284,9 +284,9 @@ class FactWriter:
 
     def tests(self, atom: Atom, args: Sequence[str], slots: BoundSlots | None = None) -> list[Test]:
         """Return the conditions of an atom on a fact: constants and repeated variables."""
-        names = (slots or BoundSlots()).names
-        step = plan_atom(atom, self._predicates, names)
-        pairs = [(args[position], names[slot].text) for position, slot in step.joins]
+        bound = slots or BoundSlots()
+        step = plan_atom(atom, self._predicates, bound.names, bound.type_at)
+        pairs = [(args[position], bound.names[slot].text) for position, slot in step.joins]
         pairs += [(args[position], args[other]) for position, other in step.twins]
         if step.strict:
             pairs = [(args[position], self._pool.constant(value)) for position, value in step.tests] + pairs

@@ -9,7 +9,7 @@ from math import ceil, floor, inf, nextafter
 
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, Value
-from rmr.bytecode.conform import LENGTH_MAX, fits
+from rmr.bytecode.conform import LENGTH_MAX, NUMBERS, fits
 from rmr.bytecode.program import Base, Type
 from rmr.bytecode.scope import UNKNOWN, type_of_value
 
@@ -18,8 +18,6 @@ Bounds = tuple[Bound, Bound]
 
 FLOAT_MAX = 1.7976931348623157e308
 """The largest finite float."""
-
-NUMBERS = (Base.INT, Base.FLOAT)
 
 LIMITS: dict[Base, Bounds] = {
     Base.INT: (INT_MIN, INT_MAX),
@@ -103,13 +101,6 @@ def common(one: Type, other: Type) -> Type | None:
     if fits(other, one):
         return one
     return Type(Base.LIST) if one.base is other.base is Base.LIST else None
-
-
-def comparable(one: Type, other: Type) -> bool:
-    """Return whether Python's ``==`` of any values of the two types is what a program calls equal."""
-    if one.base is Base.LIST and other.base is Base.LIST:
-        return one.element is not None and other.element is not None and comparable(one.element, other.element)
-    return one.base is not Base.OPEN and (one.base is other.base or (one.base in NUMBERS and other.base in NUMBERS))
 
 
 def different(one: Type, other: Type) -> bool:

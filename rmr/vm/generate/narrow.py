@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN
+from rmr.bytecode.conform import NUMBERS
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base
-from rmr.vm.generate.known import INT, NOTHING, NUMBERS, Bounds, Known, at_least, at_most, of_value, within
+from rmr.vm.generate.known import INT, NOTHING, Bounds, Known, at_least, at_most, of_value, within
 from rmr.vm.generate.trees import Tree
 
 LEN = next(i for i, function in enumerate(FUNCTIONS) if function.name == "len")

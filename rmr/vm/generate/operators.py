@@ -6,7 +6,7 @@ without value, the source calls the function that the interpreter calls, so valu
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol
 from rmr.bytecode import arithmetic
-from rmr.bytecode.conform import LENGTH_MAX
+from rmr.bytecode.conform import LENGTH_MAX, NUMBERS, comparable
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
 from rmr.vm.generate.form import Equality
@@ -16,11 +16,9 @@ from rmr.vm.generate.known import (
     FLOAT_MAX,
     INT,
     NOTHING,
-    NUMBERS,
     Bounds,
     Known,
     common,
-    comparable,
     different,
     within,
 )

@@ -102,8 +102,11 @@ def test_a_program_of_several_files_is_explained_by_the_places_in_each(tmp_path:
     (tmp_path / "main.rmr").write_text('include "part.rmr".\n?g(R).\na(R).\na(R) -o b(R).\n')
     (tmp_path / "part.rmr").write_text("\n// comment\nb(R) -o g(R).\n")
     text = run("--explain", "main.rmr", folder=tmp_path).stdout
-    assert "    rank 0  part.rmr:3  b(R) -o g(R).\n" in text
-    assert "    rank 1  main.rmr:4  a(R) -o b(R).\n      derives b(R), needed by the rule at part.rmr:3\n" in text
+    assert "    rank 0, compiled  part.rmr:3  b(R) -o g(R).\n" in text
+    assert (
+        "    rank 1, compiled  main.rmr:4  a(R) -o b(R).\n      derives b(R), needed by the rule at part.rmr:3\n"
+        in text
+    )
 
 
 def test_the_keys_of_the_json_are_those_of_the_page() -> None:
@@ -112,6 +115,7 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
     kinds = {
         "a program": Explanation,
         "a place": Spot,
+        "a ranking": told_goals.RankingBudget,
         "a goal": told_goals.ExplainedGoal,
         "a rule of a goal": told_goals.LeadingRule,
         "an assertion": told_assertions.ExplainedAssertion,

@@ -1,0 +1,101 @@
+"""One deadline for the whole job: chains of actions, several jobs of one robot, two doors in a row (paper II.C)."""
+
+import pytest
+from lab_maker import small_lab, traced
+
+from rmr.coord.timing import Order
+from rmr_sim.run_setup import report_of
+
+pytestmark = pytest.mark.medium
+
+DOORS = """
+from rmr import action
+
+@action("first")
+async def first(robot):
+    await robot.sleep(1.0)
+
+@action("second")
+async def second(robot):
+    await robot.sleep(1.0)
+"""
+TWO_DOORS = """
+type action first(R: robot) -o outer(R).
+type action second(R: robot) -o inner(R).
+type !due(robot, float).
+type !begun(robot).
+start(R).
+start(R), due(R, D) -o trip(R, D).
+doors: assert(trip(R, D), through(R), D, say(R, "late")).
+$trip(R, D), not begun(R) -o begun(R), first(R) then second(R).
+outer(R), inner(R) -o through(R).
+"""
+"""Both doors are one resource: a robot has its turn for the first one, and another turn for the second."""
+FETCH = """
+from rmr import action
+
+@action("fetch")
+async def fetch(robot, number):
+    await robot.sleep(2.0)
+"""
+ORDERS = """
+ORDER
+type errand(robot, int, float).
+type action fetch(R: robot, N: int) -o done(R, N), free(R).
+free(R).
+errand(R, 1, 9).
+errand(R, 2, 6.5).
+errand(R, 3, 4).
+fetched: watch(errand(R, N, D), done(R, N), D, say(R, "late")).
+errand(R, N, _), free(R) -o fetch(R, N).
+done(R, _) -o 1.
+"""
+
+
+def doors(folder, order):
+    simulation = small_lab(
+        folder,
+        TWO_DOORS,
+        robots=3,
+        actions=DOORS,
+        finish="through(R)",
+        facts='["due(@1, 9)", "due(@2, 6.5)", "due(@3, 4)"]',
+        order=order,
+    )
+    assert simulation.run()
+    return simulation
+
+
+def jobs_of(simulation):
+    return {robot: part["assertions"][0] for robot, part in report_of(simulation, True)["robots"].items()}
+
+
+def test_two_doors_in_a_row_under_one_deadline_go_to_the_robot_that_is_due_first(tmp_path):
+    simulation = doors(tmp_path, Order.OURS)
+    assert [job["met"] for job in jobs_of(simulation).values()] == [True] * 3
+    begun = [entry for entry in traced(simulation, "action") if entry["action"].startswith("first")]
+    assert [entry["robot"] for entry in sorted(begun, key=lambda each: each["t"])] == [3, 2, 1]
+
+
+def test_two_doors_in_the_order_of_the_requests_are_late_and_each_door_tells_its_turn(tmp_path):
+    late = [job for job in jobs_of(doors(tmp_path, Order.FCFS)).values() if not job["met"]]
+    assert late
+    for job in late:
+        first, second = job["steps"]
+        assert (first["action"][:5], second["action"][:6]) == ("first", "second")
+        assert first["begin_ns"] == 0
+        assert first["end_ns"] == second["begin_ns"]
+        for step in (first, second):
+            assert set(step["time_ns"]) <= {"rule", "turn", "action"}
+            assert step["time_ns"]["action"] == pytest.approx(1e9, abs=2e7)
+            assert sum(step["time_ns"].values()) == step["end_ns"] - step["begin_ns"]
+        assert sum(step["time_ns"]["turn"] for step in job["steps"]) > 1e9, "it was late for its turns"
+
+
+@pytest.mark.parametrize(("order", "met"), [("order deadline.", [True] * 3), ("", [True, True, False])])
+def test_three_orders_of_one_robot_are_in_time_in_the_order_of_their_deadlines_alone(tmp_path, order, met):
+    simulation = small_lab(tmp_path, ORDERS.replace("ORDER", order), actions=FETCH, duration="8s")
+    simulation.run()
+    [part] = report_of(simulation, True)["robots"].values()
+    jobs = {job["job"]: job["met"] for job in part["assertions"]}
+    assert [jobs[f"done(@1, {number})"] for number in (1, 2, 3)] == met
