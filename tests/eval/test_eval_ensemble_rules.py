@@ -154,6 +154,13 @@ def test_a_firing_takes_two_frames_once_the_robots_know_each_other(bench):
     assert again["time_s"] == pytest.approx(1.01)
 
 
+def test_a_trace_has_meanings_in_place_of_names_that_the_compiler_has_made(bench):
+    notes = bench.notes(ONE, "--robots", "2", "--insert", "0s: waiting(@1, 7)")
+    assert "__" not in json.dumps(notes)
+    assert "offered to @2 by @1, rule p.rmr:6" in [each.get("fact") for each in notes]
+    assert "offer of rule p.rmr:6" in [each.get("predicate") for each in notes]
+
+
 def test_a_rule_that_cannot_fire_lets_the_program_become_quiet_and_fires_later(bench):
     arguments = ("--robots", "2", "--insert", "0s: waiting(@1, 1)", "--insert", "9s: free(@2)")
     report = bench.run(ONE.replace("free(@2).\n", ""), *arguments)

@@ -32,7 +32,7 @@ Owner = Variable | Literal
 
 
 @dataclass(slots=True)
-class Step:
+class DecisionStep:
     """A robot that the home asks."""
 
     place: int
@@ -108,7 +108,7 @@ class Decision:
         of_parts = [[item for item in head if head_at(item, part.owner)] for part in parts]
         self.ours = [item for item in head if not any(item in theirs for theirs in of_parts)]
         """The home's part of the head, with what it sends to robots that the rule reads nothing of."""
-        self.steps: list[Step] = []
+        self.steps: list[DecisionStep] = []
         self._follow(parts, of_parts, there, known)
         self.reserving = self.steps[:-1]
         self.last = self.steps[-1]
@@ -132,7 +132,7 @@ class Decision:
             ends = home | names_of([part.owner])
             keys = [n for n in names_in((part.facts, part.absent, tuple(tests))) if n in reach and n not in ends]
             bound = known_from(part.facts, tests, reach) - reach
-            step = Step(place, part, tests, heads[place], keys, [n for n in keys if n in known], bound)
+            step = DecisionStep(place, part, tests, heads[place], keys, [n for n in keys if n in known], bound)
             self.steps.append(step)
             if decides:
                 continue
@@ -171,7 +171,7 @@ class Decision:
         self.noted = [name for name in dict.fromkeys(needed) if name in known and name not in ends]
         """Values that the home notes until the decision."""
 
-    def set_aside(self, step: Step) -> list[FactNode]:
+    def set_aside(self, step: DecisionStep) -> list[FactNode]:
         """Return the atoms whose facts a reserving robot sets aside."""
         return [fact for fact in step.part.facts if self.w.consumable(fact)]
 
@@ -192,10 +192,9 @@ class Decision:
                 question += [each for _ in self.steps[1:] for each in (ROBOT_TYPE, INT)]
             elif self.reserving:
                 question.append(INT)
-            step.question = w.make(
-                "reserve" if reserves else "offer", Duty.MESSAGE, [*question, *keys, *self._types(step.extras)]
-            )
-            step.note = w.make("note", Duty.NOTE, notes)
+            asks = "reserve" if reserves else "offer_last" if self.reserving else "offer"
+            step.question = w.make(asks, Duty.MESSAGE, [*question, *keys, *self._types(step.extras)])
+            step.note = w.make(f"note_{step.place + 1}" if step.place else "note", Duty.NOTE, notes)
             notes = [*notes, *self._types(step.gives)]
             step.asked = w.make("asked", Duty.NOTE, [ROBOT_TYPE, INT, *home_keys])
             step.want = w.make("want", Duty.NOTE, [ROBOT_TYPE, *keys])
@@ -252,7 +251,7 @@ class Decision:
         w.must_fit("what the reserving robots are told of the decision", self.carried, 7)
 
     @property
-    def holders(self) -> list[Step]:
+    def holders(self) -> list[DecisionStep]:
         """The steps whose robots remember a decision for others: the last, and reserving ones if there are several."""
         return [*(self.reserving if len(self.reserving) > 1 else ()), self.last] if self.reserving else []
 

@@ -8,7 +8,7 @@ those that have reserved. Every other end returns the facts.
 from collections.abc import Iterable
 from itertools import pairwise
 
-from rmr.lang.lower.decision import Decision, Step, absent, taken
+from rmr.lang.lower.decision import Decision, DecisionStep, absent, taken
 from rmr.lang.lower.decision_remote import CLOSED
 from rmr.lang.lower.ensemble_writer import INT
 from rmr.lang.read.syntax import Binary, Conjunct, Expression, FactNode, HeadItem, Literal, RuleItem
@@ -45,45 +45,45 @@ class HomeRules:
         """Return each robot that is asked with its life."""
         return [each for step in self._d.steps for each in (step.owner, self._lives[step.place])]
 
-    def _note(self, step: Step) -> FactNode:
+    def _note(self, step: DecisionStep) -> FactNode:
         w = self._w
         given = [name for each in self._d.steps[: step.place] for name in each.gives]
         return w.fact(
             step.note, self._home, self._number, *self._robots(), *w.variables(self._d.noted), *w.variables(given)
         )
 
-    def _any_note(self, step: Step) -> FactNode:
+    def _any_note(self, step: DecisionStep) -> FactNode:
         d = self._d
         places = [*self._robots(), *d.noted, *[name for each in d.steps[: step.place] for name in each.gives]]
         return absent(self._w.fact(step.note, self._home, self._number, *d.anything(places)))
 
-    def _waiting(self, step: Step) -> list[Conjunct]:
+    def _waiting(self, step: DecisionStep) -> list[Conjunct]:
         """Return the atoms that hold while the home waits for an answer; a firing of them ends the wait."""
         d, w, home = self._d, self._w, self._home
         aside = d.aside(d.consumed, home, self._number)
         return [w.shared("life", home, self._life), self._note(step), *aside, w.shared("out", home, self._number)]
 
-    def _may(self, step: Step) -> FactNode:
+    def _may(self, step: DecisionStep) -> FactNode:
         """Return the fact that lets the home ask a robot again."""
         w = self._w
         return w.fact(step.have, self._home, step.owner, self._lives[step.place], *w.variables(step.home_keys))
 
-    def _asked(self, step: Step) -> FactNode:
+    def _asked(self, step: DecisionStep) -> FactNode:
         w = self._w
         return w.fact(step.asked, self._home, step.owner, self._lives[step.place], *w.variables(step.home_keys))
 
-    def _yes(self, step: Step, *, any_values: bool = False) -> FactNode:
+    def _yes(self, step: DecisionStep, *, any_values: bool = False) -> FactNode:
         w = self._w
         values = self._d.anything(step.gives) if any_values else w.variables(step.gives)
         return w.fact(step.answer, self._home, self._life, self._number, *values)
 
-    def _no(self, step: Step) -> FactNode:
+    def _no(self, step: DecisionStep) -> FactNode:
         return self._w.fact(step.refused, self._home, self._life, self._number)
 
-    def _answers(self, step: Step) -> list[FactNode]:
+    def _answers(self, step: DecisionStep) -> list[FactNode]:
         return [self._yes(step), self._no(step)]
 
-    def _question(self, step: Step, *closed: Expression) -> FactNode:
+    def _question(self, step: DecisionStep, *closed: Expression) -> FactNode:
         d, w = self._d, self._w
         others: list[Expression] = []
         if step is not d.last:
@@ -94,7 +94,7 @@ class HomeRules:
         mine = self._lives[step.place]
         return d.about(step.question, step.owner, self._life, self._number, mine, *others, *closed, *values)
 
-    def _takes_back(self, step: Step) -> list[HeadItem]:
+    def _takes_back(self, step: DecisionStep) -> list[HeadItem]:
         """Return the end of an attempt at a step: who has reserved gives back, the others may be asked again."""
         d = self._d
         may = [self._may(each) for each in d.steps if each is not step]
@@ -103,7 +103,7 @@ class HomeRules:
 
     # ---- answers
 
-    def _passed(self, step: Step) -> list[RuleItem]:
+    def _passed(self, step: DecisionStep) -> list[RuleItem]:
         """Return the rules that go on to the next robot when one has reserved.
 
         An offer names one earlier transaction with that robot of which all know the decision, so that no frame is
@@ -137,15 +137,15 @@ class HomeRules:
         head = [*may, *closing, *commits, *d.returned(d.consumed, kept=True), *d.ours]
         return self._w.rule(body, head)
 
-    def _refused(self, step: Step) -> RuleItem:
+    def _refused(self, step: DecisionStep) -> RuleItem:
         return self._w.rule([self._no(step), *self._waiting(step)], self._takes_back(step))
 
-    def _granted(self, step: Step) -> list[RuleItem]:
+    def _granted(self, step: DecisionStep) -> list[RuleItem]:
         granted = self._may(step)
         asked = self._asked(step)
         return [self._w.rule([granted, asked], []), self._w.rule([granted, absent(asked)], [])]
 
-    def _ended(self, step: Step) -> RuleItem:
+    def _ended(self, step: DecisionStep) -> RuleItem:
         """Return the rule for a life that was asked and has ended: nothing of it arrives any more."""
         w = self._w
         (following,) = self._d.numbers(1)
@@ -158,7 +158,7 @@ class HomeRules:
         ]
         return w.rule(body, self._takes_back(step))
 
-    def _second_refusal(self, step: Step) -> RuleItem:
+    def _second_refusal(self, step: DecisionStep) -> RuleItem:
         """Return the rule for a question that reached two lives of a robot."""
         w = self._w
         return w.rule([self._no(step), w.shared("life", self._home, self._life), self._any_note(step)], [])
@@ -202,7 +202,7 @@ class HomeRules:
         order = [w.test("<", d.id(one.owner), d.id(other.owner)) for one, other in pairwise(d.steps)]
         return [*facts, *d.here, *order, *plan.folds, *plan.absent]
 
-    def greet(self, step: Step) -> RuleItem:
+    def greet(self, step: DecisionStep) -> RuleItem:
         """Return the rule that asks a robot which life it is in, once, before the first question."""
         w, home = self._w, self._home
         fresh = w.shared("knows", home, step.owner, w.variable("_"), absent=True)

@@ -10,7 +10,7 @@ its sender is dropped.
 
 from collections.abc import Sequence
 
-from rmr.lang.lower.decision import Decision, Owner, Step, absent, kept
+from rmr.lang.lower.decision import Decision, DecisionStep, Owner, absent, kept
 from rmr.lang.read.syntax import Conjunct, Expression, FactNode, HeadItem, Literal, RuleItem, Variable
 
 
@@ -38,7 +38,7 @@ class RemoteRules:
 
     def _answer(
         self,
-        step: Step,
+        step: DecisionStep,
         question: FactNode,
         numbers: Sequence[Variable],
         positive: Sequence[FactNode],
@@ -67,14 +67,14 @@ class RemoteRules:
             w.rule([wish, here, *whole], [granted]),
         ]
 
-    def _closed(self, step: Step, life: Expression) -> list[HeadItem]:
+    def _closed(self, step: DecisionStep, life: Expression) -> list[HeadItem]:
         """Return what an offer says of an earlier transaction: all know its decision."""
         d = self._d
         if step is not d.last or not d.reserving:
             return []
         return [d.about(d.forget, step.owner, life, self._w.variable(CLOSED))]
 
-    def _reserves(self, step: Step) -> list[RuleItem]:
+    def _reserves(self, step: DecisionStep) -> list[RuleItem]:
         """Return the rules of a robot that reserves."""
         d, w, home, me = self._d, self._w, self._home, step.owner
         life, number, mine, real = d.numbers(4)
@@ -120,19 +120,19 @@ class RemoteRules:
 
     # ---- the end of a transaction
 
-    def _did(self, step: Step, life: Expression, number: Expression) -> FactNode:
+    def _did(self, step: DecisionStep, life: Expression, number: Expression) -> FactNode:
         d = self._d
         return d.about(step.did, step.owner, life, number, *self._others(step), *self._w.variables(d.carried))
 
-    def _others(self, step: Step) -> list[Owner]:
+    def _others(self, step: DecisionStep) -> list[Owner]:
         """Return the reserving robots but the one of a step."""
         return [each.owner for each in self._d.reserving if each is not step]
 
-    def _any_did(self, step: Step, me: Owner, life: Expression, number: Expression) -> FactNode:
+    def _any_did(self, step: DecisionStep, me: Owner, life: Expression, number: Expression) -> FactNode:
         d = self._d
         return d.about(step.did, me, life, number, *d.anything(self._others(step)), *d.anything(d.carried))
 
-    def _any_telling(self, step: Step, me: Owner, life: Expression, number: Expression) -> FactNode:
+    def _any_telling(self, step: DecisionStep, me: Owner, life: Expression, number: Expression) -> FactNode:
         d = self._d
         return d.about(step.telling, me, life, number, *d.anything(self._others(step)))
 
@@ -186,7 +186,7 @@ class RemoteRules:
     # ---- after the death of the home
 
     def _asks(
-        self, step: Step, booked: FactNode, life: Variable, number: Variable, lives: dict[int, Expression]
+        self, step: DecisionStep, booked: FactNode, life: Variable, number: Variable, lives: dict[int, Expression]
     ) -> list[RuleItem]:
         """Return the rules by which a reserving robot asks the last one, and then the other that has reserved."""
         d, w, me = self._d, self._w, step.owner
@@ -251,13 +251,13 @@ class RemoteRules:
             rules += self._says_what_it_knows(step)
         return rules
 
-    def _known(self, step: Step, question: FactNode, life: Variable, number: Variable) -> list[RuleItem]:
+    def _known(self, step: DecisionStep, question: FactNode, life: Variable, number: Variable) -> list[RuleItem]:
         """Return the rules that leave a question to the decision, which is told by itself."""
         me = step.owner
         facts = (self._any_did(step, me, life, number), self._any_telling(step, me, life, number))
         return [self._w.rule([question, kept(each)], []) for each in facts]
 
-    def _says_what_it_knows(self, step: Step) -> list[RuleItem]:
+    def _says_what_it_knows(self, step: DecisionStep) -> list[RuleItem]:
         """Return the rules that answer the other robot that has reserved."""
         d, w, me = self._d, self._w, step.owner
         asker = d.robot()
