@@ -19,6 +19,7 @@ MEANINGS: Final[dict[str, tuple[str, int | None]]] = {
     "greeted": ("{o} has asked for the life of {0}", 1),
     "count": ("the next decision of {o} gets number {0}", 1),
     "out": ("{o} waits for decision {0}", 1),
+    "turn": ("it is the turn of {0} to ask {o}", 2),
     "told": ("{o} has been told", 0),
     "wish": ("{0} wants to be told by {o}", 2),
     "wished": ("{o} has asked {0} to tell", 1),
@@ -55,7 +56,7 @@ MEANINGS: Final[dict[str, tuple[str, int | None]]] = {
 these belong to the protocol. The others are values of the rule, which follow in parentheses; None: they are left
 out."""
 
-SHARED: Final = frozenset({"life", "again", "knows", "hello", "greeted", "count", "out"})
+SHARED: Final = frozenset({"life", "again", "knows", "hello", "greeted", "count", "out", "turn"})
 """Meanings of predicates that all rules over several robots share."""
 
 

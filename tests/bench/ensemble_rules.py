@@ -10,6 +10,7 @@ calls for bids. Targets that are missed are printed as such.
 
 import argparse
 from collections.abc import Iterator
+from itertools import pairwise
 from statistics import median
 from typing import Any
 
@@ -18,6 +19,8 @@ from rmr.eval.api import Evaluation, evaluate
 HOP_S = 0.005
 THINKERS = 10
 EATS_S = (0.02, 0.1, 1.0)
+MEALS = 60
+"""Least length of a run, in meals."""
 
 LINKS = """
 type !left(robot, robot).
@@ -129,9 +132,10 @@ def table(served: bool) -> str:
 
 def philosophers(served: bool, eats_s: float, seconds: float) -> dict[str, float]:
     """Return meals a second, frames a meal, and the waits of the hungry."""
+    seconds = max(seconds, MEALS * eats_s)
     run = evaluate(table(served), robots=2 * THINKERS + 1, until=seconds, action_time=eats_s)
     ends = [[at for at, _ in run.report["robots"][str(each)]["actions"]] for each in range(1, THINKERS + 1)]
-    waits = [after - before - eats_s for each in ends for before, after in zip(each, each[1:], strict=False)]
+    waits = [after - before - eats_s for each in ends for before, after in pairwise(each)]
     waits += [seconds - each[-1] - eats_s if each else seconds for each in ends]
     meals = sum(map(len, ends))
     return {
@@ -179,10 +183,9 @@ def lines(seconds: float) -> Iterator[str]:
         found: dict[bool, dict[str, Any]] = {each: philosophers(each, eats_s, seconds) for each in (False, True)}
         for served, row in found.items():
             name = "lock server" if served else "shared forks"
-            yield (
-                f"{name:15}  {eats_s:4.2f} s  {row['meals/s']:7.1f}  {row['frames/meal']:11.1f}  {row['median']:9.3f} s  "
-                f"{row['longest']:10.3f} s  {row['least']:6.0f} {row['most']:6.0f}"
-            )
+            rate = f"{row['meals/s']:7.1f}  {row['frames/meal']:11.1f}"
+            waits = f"{row['median']:9.3f} s  {row['longest']:10.3f} s"
+            yield f"{name:15}  {eats_s:4.2f} s  {rate}  {waits}  {row['least']:6.0f} {row['most']:6.0f}"
         ratio = found[False]["meals/s"] / found[True]["meals/s"]
         longest = found[False]["longest"] / max(found[False]["median"], HOP_S)
         yield f"  throughput ratio {ratio:.2f}, {verdict(ratio, at_least=0.5)}"

@@ -59,7 +59,9 @@ class HomeRules:
 
     def _waiting(self, step: DecisionStep) -> list[Conjunct]:
         """Return the atoms that hold while the home waits for an answer; a firing of them ends the wait."""
-        d, w, home = self._d, self._w, self._home
+        d = self._d
+        w = self._w
+        home = self._home
         aside = d.aside(d.consumed, home, self._number)
         return [w.shared("life", home, self._life), self._note(step), *aside, w.shared("out", home, self._number)]
 
@@ -84,7 +86,8 @@ class HomeRules:
         return [self._yes(step), self._no(step)]
 
     def _question(self, step: DecisionStep, *closed: Expression) -> FactNode:
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         others: list[Expression] = []
         if step is not d.last:
             others = [
@@ -109,7 +112,9 @@ class HomeRules:
         An offer names one earlier transaction with that robot of which all know the decision, so that no frame is
         needed for it; -1 if there is none.
         """
-        d, w, home = self._d, self._w, self._home
+        d = self._d
+        w = self._w
+        home = self._home
         following = d.steps[step.place + 1]
         body: list[Conjunct] = [self._yes(step), w.shared("life", home, self._life), self._note(step)]
         note = self._note(following)
@@ -180,7 +185,9 @@ class HomeRules:
 
         The home itself may be one of them: then there is nothing to acknowledge.
         """
-        d, w, home = self._d, self._w, self._home
+        d = self._d
+        w = self._w
+        home = self._home
         settled = [
             w.fact(d.settled, home, each.owner, home, self._life, self._number, *d.anything(d.carried))
             for each in d.reserving
@@ -197,14 +204,16 @@ class HomeRules:
     # ---- the draw
 
     def _own_part(self, facts: Iterable[FactNode]) -> list[Conjunct]:
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         plan = w.plan
         order = [w.test("<", d.id(one.owner), d.id(other.owner)) for one, other in pairwise(d.steps)]
         return [*facts, *d.here, *order, *plan.folds, *plan.absent]
 
     def greet(self, step: DecisionStep) -> RuleItem:
         """Return the rule that asks a robot which life it is in, once, before the first question."""
-        w, home = self._w, self._home
+        w = self._w
+        home = self._home
         fresh = w.shared("knows", home, step.owner, w.variable("_"), absent=True)
         once = w.shared("greeted", home, step.owner, absent=True)
         head = [w.shared("greeted", home, step.owner), w.shared("hello", step.owner, home)]
@@ -212,7 +221,9 @@ class HomeRules:
 
     def draw(self) -> RuleItem:
         """Return the rule that sets the home's facts aside and asks the first robot."""
-        d, w, home = self._d, self._w, self._home
+        d = self._d
+        w = self._w
+        home = self._home
         first = d.steps[0]
         body = [
             *self._own_part(taken(d.facts)),

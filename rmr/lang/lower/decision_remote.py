@@ -11,7 +11,7 @@ its sender is dropped.
 from collections.abc import Sequence
 
 from rmr.lang.lower.decision import Decision, DecisionStep, Owner, absent, kept
-from rmr.lang.read.syntax import Conjunct, Expression, FactNode, HeadItem, Literal, RuleItem, Variable
+from rmr.lang.read.syntax import Binary, Conjunct, Expression, FactNode, HeadItem, Literal, RuleItem, Variable
 
 
 class RemoteRules:
@@ -45,7 +45,10 @@ class RemoteRules:
         yes: list[HeadItem],
     ) -> list[RuleItem]:
         """Return the rules that answer a question: yes, no with a wish, no from another life, and the wish granted."""
-        d, w, home, me = self._d, self._w, self._home, step.owner
+        d = self._d
+        w = self._w
+        home = self._home
+        me = step.owner
         life, number, mine, real = numbers
         keys = w.variables(step.keys)
         here = w.shared("life", me, mine)
@@ -60,11 +63,26 @@ class RemoteRules:
         news = w.shared("knows", home, me, real)
         granted = w.fact(step.have, home, me, mine, *w.variables(step.home_keys))
         closed = self._closed(step, life)
+        # A robot that has waited and may ask again has a turn. Others are refused until it asks, `TURN` times at most.
+        other = d.robot()
+        (left,) = d.numbers(1)
+        turn = w.shared("turn", me, home, w.variable("_"))
+        another = w.shared("turn", me, other, left)
+        passed = w.shared("turn", me, other, Binary("-", left, Literal(1, w.at), w.at))
+        spent = w.test("<", left, Literal(2, w.at))
+        blocked: list[Conjunct] = [question, here, another, absent(turn)]
+        ask_again: list[HeadItem] = [refusal, granted, *closed]
         return [
-            w.rule([question, here, *positive, *tests], [*yes, *closed]),
+            w.rule([question, here, turn, *positive, *tests], [*yes, *closed]),
+            w.rule(
+                [question, here, absent(w.shared("turn", me, w.variable("_"), w.variable("_"))), *positive, *tests],
+                [*yes, *closed],
+            ),
+            w.rule([*blocked, spent], ask_again),
+            w.rule([*blocked, w.test(">", left, Literal(1, w.at))], [*ask_again, passed]),
             w.rule([question, here, d.none(*whole), busy], [refusal, wish, *closed]),
             w.rule([question, w.shared("life", me, real), elsewhere], [refusal, news]),
-            w.rule([wish, here, *whole], [granted]),
+            w.rule([wish, here, *whole], [granted, w.shared("turn", me, home, Literal(TURN, w.at))]),
         ]
 
     def _closed(self, step: DecisionStep, life: Expression) -> list[HeadItem]:
@@ -76,7 +94,10 @@ class RemoteRules:
 
     def _reserves(self, step: DecisionStep) -> list[RuleItem]:
         """Return the rules of a robot that reserves."""
-        d, w, home, me = self._d, self._w, self._home, step.owner
+        d = self._d
+        w = self._w
+        home = self._home
+        me = step.owner
         life, number, mine, real = d.numbers(4)
         others: list[Expression] = []
         for each in d.steps:
@@ -100,7 +121,9 @@ class RemoteRules:
 
     def _decides(self) -> list[RuleItem]:
         """Return the rules of the robot that decides."""
-        d, w, home = self._d, self._w, self._home
+        d = self._d
+        w = self._w
+        home = self._home
         last = d.last
         me = last.owner
         life, number, mine, real = d.numbers(4)
@@ -146,7 +169,8 @@ class RemoteRules:
 
     def _leftovers(self) -> list[RuleItem]:
         """Return the rules that drop what is about a transaction that has ended."""
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         me = d.robot()
         life, number = d.numbers(2)
         nothing = d.no_booking(me, life, number)
@@ -166,7 +190,8 @@ class RemoteRules:
 
     def _telling(self) -> list[RuleItem]:
         """Return the rules by which a robot that knows of a decision tells the reserving ones, if the home has died."""
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         rules = []
         for step in d.holders:
             me = step.owner
@@ -189,7 +214,9 @@ class RemoteRules:
         self, step: DecisionStep, booked: FactNode, life: Variable, number: Variable, lives: dict[int, Expression]
     ) -> list[RuleItem]:
         """Return the rules by which a reserving robot asks the last one, and then the other that has reserved."""
-        d, w, me = self._d, self._w, step.owner
+        d = self._d
+        w = self._w
+        me = step.owner
         last = d.last.owner
         about = d.about(d.ask, last, life, number, lives[d.last.place])
         ask = FactNode(about.name, (last, me, *about.arguments[1:]), about.span)
@@ -216,7 +243,8 @@ class RemoteRules:
         first: list[Conjunct],
     ) -> list[RuleItem]:
         """Return the rules that send a question when `first` holds, and again to each later life of the asked robot."""
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         then, since = d.numbers(2)
         open_yet: list[Conjunct] = [d.pending(me, life, number), absent(d.about(d.abort, me, life, number))]
         none = absent(d.about(note, me, life, number, w.variable("_")))
@@ -230,7 +258,8 @@ class RemoteRules:
 
     def _says_what_was(self) -> list[RuleItem]:
         """Return the rules that answer those who have reserved for a home that has died."""
-        d, w = self._d, self._w
+        d = self._d
+        w = self._w
         last = d.last
         me = last.owner
         asker = d.robot()
@@ -259,7 +288,9 @@ class RemoteRules:
 
     def _says_what_it_knows(self, step: DecisionStep) -> list[RuleItem]:
         """Return the rules that answer the other robot that has reserved."""
-        d, w, me = self._d, self._w, step.owner
+        d = self._d
+        w = self._w
+        me = step.owner
         asker = d.robot()
         life, number = d.numbers(2)
         about = d.about(d.query, me, life, number)
@@ -276,5 +307,7 @@ class RemoteRules:
         ]
 
 
+TURN = 3
+"""Questions of other robots that one turn refuses: it takes a round trip to ask again, and two to reserve and offer."""
 CLOSED = "_closed'"
 """The variable of an offer for the number of an earlier transaction that is closed; -1 for none."""

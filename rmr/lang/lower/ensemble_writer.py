@@ -135,6 +135,7 @@ _SHARED: dict[str, tuple[Kind, tuple[Type, ...], Duty]] = {
     "greeted": (Kind.PERSISTENT, (ROBOT_TYPE,), Duty.NOTE),
     "count": (Kind.TEMPORARY, (INT,), Duty.NOTE),
     "out": (Kind.TEMPORARY, (INT,), Duty.NOTE),
+    "turn": (Kind.TEMPORARY, (ROBOT_TYPE, INT), Duty.NOTE),
 }
 """Kind, types behind the owner, and duty of the predicates that all ensemble rules share."""
 
