@@ -1,17 +1,22 @@
-"""Random histories of ensemble rules: robots over an air that loses, doubles, delays and reorders, and that crash.
+"""Random histories of ensemble rules: 2 to 12 robots over an air that loses, doubles, delays, reorders and is cut.
 
-Each fact has a number of its own, and every insertion is recorded in every life. At the end the air is healed and all
-robots live; then no fact may have been used twice, no firing be half, and nothing be set aside, held or left unfired.
+Robots crash and lose their memory, or crash and execute their journal again (`DurableNode`). Each fact has a number of
+its own, and every insertion is recorded in every life. At the end the air is healed and all robots live; then no fact
+may have been used twice, no firing be half, and nothing be set aside, held or left unfired.
 
-Run as a program for a long campaign: ``python ensemble_campaign.py FIRST LAST``; each failing seed is printed.
+Run as a program for a long campaign: ``python ensemble_campaign.py FIRST LAST [FILE]``; each failing seed is printed,
+and FILE holds the counts so far as JSON.
 """
 
+import json
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from heapq import heappop, heappush
 from itertools import product
+from pathlib import Path
 from random import Random
 
 from rmr.base.arena import NOWHERE
@@ -19,6 +24,8 @@ from rmr.base.time import NEVER, Instant, milliseconds, seconds
 from rmr.base.values import Robot
 from rmr.bytecode.program import Duty, Program
 from rmr.lang.compiler import compile_source
+from rmr.mind.durable_node import DurableNode
+from rmr.mind.journal import Journal, JournalHeader, read_journal
 from rmr.node import payloads
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
@@ -70,13 +77,31 @@ waiting(A, X), $tool(A, _), free(B, Y), spare(C, Z), peer(A, B), peer(A, C)
     -o got(A, X, Y, Z), gave(B, X, Y, Z), lent(C, X, Y, Z).
 """
 """Two robots besides the home decide."""
-PROGRAMS = (PROGRAM, KEPT, MUTUAL, TRIO)
+QUARTET = """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type spare(robot, int).
+type fourth(robot, int).
+type !got(robot, int, int, int, int).
+type !gave(robot, int, int, int, int).
+type !lent(robot, int, int, int, int).
+type !left(robot, int, int, int, int).
+waiting(A, X), $tool(A, _), free(B, Y), spare(C, Z), fourth(D, W), peer(A, B), peer(A, C), peer(A, D)
+    -o got(A, X, Y, Z, W), gave(B, X, Y, Z, W), lent(C, X, Y, Z, W), left(D, X, Y, Z, W).
+"""
+"""Three robots besides the home decide, in each order of their numbers."""
+PROGRAMS = (PROGRAM, KEPT, MUTUAL, TRIO, QUARTET)
+KINDS = {TRIO: ("waiting", "free", "spare"), QUARTET: ("waiting", "free", "spare", "fourth")}
+"""The facts of a firing, in the order of its numbers; of the other programs the first two."""
+ROBOTS_MAX = {2: (4, 4, 4, 4, 4, 6, 12), 3: (4, 4, 4, 4, 6), 4: (4, 4, 4, 5)}
+"""Largest numbers of robots to draw from, by robots of a firing; the search for a firing of four takes long."""
 IN_BETWEEN = (
     *("held", "offer", "fired", "refused", "out_", "reserve", "booked", "commit", "abort", "ask_", "asking", "note"),
-    *("closing", "settled", "stands", "hello", "have", "aside"),
+    *("closing", "settled", "stands", "hello", "have", "aside", "forget", "telling", "lost", "doubt", "query"),
 )
 """Beginnings of the names of predicates that hold nothing once all is settled."""
-RECORDS = ("got", "gave", "lent")
+RECORDS = ("got", "gave", "lent", "left")
 """What the robots of a firing hold of it, in the order of its numbers."""
 
 
@@ -114,6 +139,20 @@ class AirLink:
         return []
 
 
+class Disk:
+    """Holds the journal of one robot."""
+
+    def __init__(self) -> None:
+        self.data = b""
+
+    def append(self, data: bytes) -> None:
+        """Write behind what is there."""
+        self.data += data
+
+    def sync(self) -> None:
+        """Do nothing: no power is lost."""
+
+
 @dataclass
 class Token:
     """A fact with a number of its own."""
@@ -131,6 +170,8 @@ class History:
     text: str = PROGRAM
     engine: Engine = Engine.GENERATED
     crashes: bool = True
+    durable: bool | None = None
+    """Whether crashed robots execute their journals again; drawn if None."""
     now: Instant = 0
     tokens: dict[int, Token] = field(default_factory=dict)
     seen: dict[str, list[tuple[int, int, tuple[int, ...]]]] = field(default_factory=dict)
@@ -140,7 +181,12 @@ class History:
         self.rng = Random(self.seed)
         self.program = compiled(self.text)
         self.seen = {name: [] for name in RECORDS}
-        self.count = self.rng.randint(2 + (self.text == TRIO), 4)
+        self.names = KINDS.get(self.text, ("waiting", "free"))
+        least = len(self.names)
+        self.count = self.rng.randint(least, self.rng.choice(ROBOTS_MAX[least]))
+        if self.durable is None:
+            self.durable = self.rng.random() < 0.3
+        self.disks = [Disk() for _ in range(self.count)]
         self.loss = self.rng.choice((0.0, 0.2, 0.5))
         self.double = self.rng.choice((0.0, 0.3))
         self.late = self.rng.choice((0, LATE_MAX))
@@ -152,6 +198,7 @@ class History:
         """(arrival, number, source, destination, frame)."""
         self.old: list[tuple[int, int, bytes]] = []
         self.frames = 0
+        self.crashed = 0
 
     # ---- the air
 
@@ -175,7 +222,7 @@ class History:
 
     def start(self, robot: int) -> None:
         """Begin a life of a robot."""
-        self.lives[robot] += 1
+        self.lives[robot] += not self.durable or self.lives[robot] < 0
         life = self.lives[robot]
 
         def witness(_: int, __: Instant, event: object) -> None:
@@ -195,9 +242,22 @@ class History:
             witness=witness,
         )
         link = AirLink(self, robot)
-        node = Node(config, self.program, Ports(link, None), {}, 7)
+        node = self.make(config, link, self.disks[robot])
         self.links[robot], self.nodes[robot] = link, node
         node.start(self.now)
+        if not (isinstance(node, DurableNode) and node.resumed):
+            self.insert(robot, "tool")
+
+    def make(self, config: NodeConfig, link: AirLink, disk: Disk) -> Node:
+        """Return the node of a robot, which goes on from its journal if it is durable."""
+        ports = Ports(link, None)
+        if not self.durable:
+            return Node(config, self.program, ports, {}, 7)
+        found = read_journal(disk.data)
+        journal = Journal(disk, synced=False, crc=found.crc)
+        if not found.records:
+            journal.header(JournalHeader(config.robot, "campaign", self.seed, 7, False, b""))
+        return DurableNode(config, self.program, ports, {}, 7, journal, found.records)
 
     def insert(self, robot: int, name: str) -> None:
         """Give a living robot a fact with a new number."""
@@ -208,7 +268,8 @@ class History:
             node.insert(self.now, name, (number,))
 
     def crash(self, robot: int) -> None:
-        """End a life: its memory is lost."""
+        """End a life: its memory is lost, unless it is durable."""
+        self.crashed += 1
         self.nodes[robot] = self.links[robot] = None
 
     # ---- a run
@@ -217,8 +278,7 @@ class History:
         """Run the history; return what is wrong."""
         for robot in range(self.count):
             self.start(robot)
-            self.insert(robot, "tool")
-        events = sorted(self.rng.randrange(FAULTS_FOR) for _ in range(self.rng.randint(4, 24)))
+        events = sorted(self.rng.randrange(FAULTS_FOR) for _ in range(self.rng.randint(4, 20 + self.count)))
         for at in events:
             self.until(at)
             self.happen()
@@ -228,7 +288,6 @@ class History:
         for robot in range(self.count):
             if self.nodes[robot] is None:
                 self.start(robot)
-                self.insert(robot, "tool")
         self.until(FAULTS_FOR + HEALED)
         return self.problems()
 
@@ -236,18 +295,22 @@ class History:
         """Let a fact come, or a fault."""
         rng = self.rng
         robot = rng.randrange(self.count)
-        kinds = ("waiting", "free", "spare", "crash", "cut", "late")
-        kind = rng.choices(kinds, (5, 4, 4 * (self.text == TRIO), 3 * self.crashes, 1, 2))[0]
-        if kind in {"waiting", "free", "spare"}:
+        kinds = (*self.names, "crash", "cut", "part", "late")
+        kind = rng.choices(kinds, (5, *[4 for _ in self.names[1:]], 3 * self.crashes, 1, 1, 2))[0]
+        if kind in self.names:
             self.insert(robot, kind)
         elif kind == "crash" and self.nodes[robot] is not None:
             self.crash(robot)
         elif kind == "crash":
             self.start(robot)
-            self.insert(robot, "tool")
         elif kind == "cut":
             other = rng.randrange(self.count)
             self.cut ^= {frozenset((robot, other))}
+        elif kind == "part":
+            # A partition, or the end of all cuts.
+            here = {each for each in range(self.count) if rng.random() < 0.5}
+            across = {frozenset((one, other)) for one in here for other in range(self.count) if other not in here}
+            self.cut = set() if self.cut else across
         elif self.old:
             # A copy that comes after any time, of any life.
             self.put(self.now + rng.randrange(seconds(8)), *rng.choice(self.old))
@@ -292,12 +355,14 @@ class History:
         return self.lives[token.robot] == token.life
 
     def excused(self, place: int, firing: tuple[int, ...]) -> bool:
-        """Whether a robot may not know of a firing: it had reserved, and both that knew lost their memory."""
-        if len(firing) < 3 or place == 0 or self.has(place, firing):
+        """Whether a robot may not know of a firing: it had reserved, and all that knew lost their memory."""
+        if place == 0 or self.has(place, firing):
             return False
-        one, two = firing[1:]
-        reserves = 1 if self.tokens[one].robot < self.tokens[two].robot else 2
-        return place == reserves and not self.survives(firing[0]) and not self.survives(firing[3 - reserves])
+        robots = [self.tokens[number].robot for number in firing]
+        last = max(range(1, len(firing)), key=robots.__getitem__)
+        others = [each for each in range(len(firing)) if each not in (place, last) and self.has(each, firing)]
+        knew = {0, last, *others}
+        return place != last and not any(self.survives(firing[each]) for each in knew)
 
     def twice(self) -> list[str]:
         """Facts that were used by two firings, in whatever life."""
@@ -309,7 +374,9 @@ class History:
         )
         wrong = [f"fact {number} was used {times} times" for number, times in used.items() if times > 1]
         for name, seen in self.seen.items():
-            wrong += [f"{name} {each} came twice" for each, times in Counter(seen).items() if times > 1]
+            # A durable robot that dies before it has written does again what nobody has heard of.
+            again = Counter(() if self.durable else seen)
+            wrong += [f"{name} {each} came twice" for each, times in again.items() if times > 1]
         return wrong
 
     def half(self) -> list[str]:
@@ -357,9 +424,10 @@ class History:
     def unfired(self) -> list[str]:
         """Facts that a rule could use at the end."""
         wrong = []
-        if self.text == TRIO:
-            found = [self.left(name) for name in ("waiting", "free", "spare")]
-            return [f"{each} are left" for each in product(*found) if len({robot for robot, _ in each}) == 3]
+        if len(self.names) > 2:
+            found = [self.left(name) for name in self.names]
+            apart = (each for each in product(*found) if len({robot for robot, _ in each}) == len(each))
+            return [f"{each} are left" for each in apart]
         left = {name: self.left(name) for name in ("waiting", "free")}
         for one, x in left["waiting"]:
             for other, y in left["waiting" if self.text == MUTUAL else "free"]:
@@ -375,18 +443,29 @@ class History:
         return [(robot, args[0]) for robot, facts in found for args in facts if not isinstance(args[0], Robot)]  # type: ignore[misc]
 
 
-def main(first: int, last: int) -> int:
-    """Run the seeds; return how many fail."""
-    failed = 0
+def histories(first: int, last: int) -> Iterator[tuple[str, History, list[str]]]:
+    """Yield where each history stands, the history, and what is wrong with it."""
     for seed in range(first, last):
         for place, text in enumerate(PROGRAMS):
-            engine = (Engine.GENERATED, Engine.INTERPRETER)[seed % 2]
-            wrong = History(seed, text, engine).run()
-            failed += bool(wrong)
-            if wrong:
-                print(seed, place, wrong[:4], flush=True)
-    return failed
+            engine = (Engine.GENERATED, Engine.INTERPRETER)[seed % 8 == 0]
+            history = History(seed, text, engine)
+            yield f"{seed} {place}", history, history.run()
+
+
+def main(first: int, last: int, file: Path | None = None) -> int:
+    """Run the seeds; return how many fail."""
+    counts: Counter[str] = Counter()
+    for name, history, wrong in histories(first, last):
+        counts.update(runs=1, failed=bool(wrong), durable=bool(history.durable), robots=history.count)
+        counts.update(facts=len(history.tokens), firings=len(history.firings()), frames=history.frames)
+        counts.update(lives=sum(history.lives) + history.count, crashes=history.crashed)
+        if wrong:
+            print(name, wrong[:4], flush=True)
+        if file is not None and counts["runs"] % 100 == 0:
+            file.write_text(json.dumps(counts, indent=1) + "\n")
+    print(json.dumps(counts))
+    return counts["failed"]
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), int(sys.argv[2])) != 0)
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]), *map(Path, sys.argv[3:4])) != 0)

@@ -1,8 +1,8 @@
 """The trace of a robot, with one vocabulary for processes, the simulator and `rmr eval`.
 
 An entry is a dict: `t` (seconds of lab time), `robot`, `what` (a name of `EVENTS`), and the fields of that name. Facts,
-goals and actions are in program syntax. The host takes the entries; if it does not, the robot keeps only the newest. A
-robot without a trace records nothing, at no cost.
+goals and actions are in program syntax; facts that stand for a rule over several robots are in words. The host takes
+the entries; if it does not, the robot keeps only the newest. A robot without a trace records nothing, at no cost.
 """
 
 from enum import IntEnum
@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value, format_fact, format_value
+from rmr.bytecode.hidden_words import hidden_words
 from rmr.bytecode.program import ANY, Kind, Program
 from rmr.vm.failures import rule_place
 
@@ -111,7 +112,11 @@ class Trace:
 
 
 def fact_text(program: Program, predicate: int, owner: int, args: tuple[Value, ...]) -> str:
-    """Return a fact or an action in program syntax."""
+    """Return a fact or an action in program syntax; of a rule over several robots in words."""
+    if program.ensemble:
+        words = hidden_words(program, predicate, [format_value(each) for each in (Robot(owner), *args)])
+        if words is not None:
+            return words
     declared = program.predicates[predicate]
     mark = "!" if declared.kind is Kind.PERSISTENT else ""
     return format_fact(declared.name, (Robot(owner), *args), mark)

@@ -10,6 +10,7 @@ from typing import Final
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value, format_value
 from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.hidden_words import hidden_words
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     Anything,
@@ -97,6 +98,9 @@ def item_text(
     declared = program.predicates[predicate]
     bang = "!" if declared.kind is Kind.PERSISTENT and not mark else mark
     first = "_" if owner is None else format_value(Robot(owner))
+    words = hidden_words(program, predicate, [first, *map(_argument, args)]) if program.ensemble else None
+    if words is not None:
+        return shortened(words)
     return shortened(f"{bang}{declared.name}({', '.join([first, *map(_argument, args)])})")
 
 

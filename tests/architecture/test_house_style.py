@@ -15,7 +15,6 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.bytecode.program": "the data of the byte-code, one record for each construct",
     "rmr.lang.analyse.names": "the symbol table and the checks of uses against it",
     "rmr.lang.lower.emitter": "one class, a method for each construct that has code",
-    "rmr.lang.lower.reserve_rules": "one protocol: the predicates of its messages, a method for each step",
     "rmr.lang.read.tree_builder": "one class, a method for each rule of the grammar",
     "rmr.lang.read.syntax": "the nodes of the syntax tree, one record for each rule of the grammar",
     "rmr.node.logic.exchange": "one protocol: what is sent, repeated, received and renewed shares one state",

@@ -1,6 +1,7 @@
 """Programs with rules over several robots have their results at every loss, and cost what the documentation says."""
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -10,9 +11,11 @@ from eval_command import facts
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.layout import FLAG_ENSEMBLE
 from rmr.lang.compiler import compile_source
+from rmr.lang.explain.explained_ensemble import FRAMES
 
 PROGRAMS = Path(__file__).parents[1] / "programs" / "ensemble"
-SEEDS = range(20)
+SEEDS = range(int(os.environ.get("RMR_SEEDS", "20")))
+"""Seeds of each program at each loss; ``RMR_SEEDS=200 pytest -m slow`` on this file runs ten times as many."""
 LOSSES = (0.0, 0.2, 0.4)
 
 
@@ -152,6 +155,43 @@ def test_a_firing_takes_two_frames_once_the_robots_know_each_other(bench):
     assert facts(again) == ["!done(@1, @2, 1)", "!done(@1, @2, 2)"]
     assert (first["messages"]["sent"], again["messages"]["sent"]) == (4, 6)
     assert again["time_s"] == pytest.approx(1.01)
+
+
+ROUND = """
+type !left(robot, robot).
+type !right(robot, robot).
+type !third(robot, robot).
+left(@1, @2).
+right(@1, @3).
+third(@1, @4).
+free(@2, 1). free(@2, 2). free(@3, 1). free(@3, 2). free(@4, 1). free(@4, 2).
+"""
+
+
+@pytest.mark.parametrize("others", [1, 2, 3])
+def test_a_firing_costs_the_frames_that_are_explained(bench, others):
+    remotes = (("left", "B"), ("right", "C"), ("third", "D"))[:others]
+    body = ", ".join(f"{link}(A, {robot}), free({robot}, X)" for link, robot in remotes)
+    text = f"{ROUND}waiting(A, X), {body} -o got(A, X), gave(B, X).\n"
+    inserts = ("--insert", "0s: waiting(@1, 1)", "--insert", "1s: waiting(@1, 2)")
+    first, both = (bench.run(text, "--robots", "4", *inserts[:many]) for many in (2, 4))
+    assert "got(@1, 2)" in facts(both)
+    assert both["messages"]["sent"] - first["messages"]["sent"] == FRAMES[others]
+
+
+def test_robots_that_are_always_hungry_take_turns(bench):
+    text = re.sub(r"fed\(A\)", "hungry(A)", program("philosophers"))
+    report = bench.run(text, "--robots", "10", "--action-time", "100ms", "--until", "3s")
+    ends = [[at for at, _ in report["robots"][str(robot)]["actions"]] for robot in range(1, 6)]
+    assert min(map(len, ends)) >= max(map(len, ends)) / 3
+    assert max(map(len, ends)) >= 4
+
+
+def test_a_trace_has_meanings_in_place_of_names_that_the_compiler_has_made(bench):
+    notes = bench.notes(ONE, "--robots", "2", "--insert", "0s: waiting(@1, 7)")
+    assert "__" not in json.dumps(notes)
+    assert "offered to @2 by @1, rule p.rmr:6" in [each.get("fact") for each in notes]
+    assert "offer of rule p.rmr:6" in [each.get("predicate") for each in notes]
 
 
 def test_a_rule_that_cannot_fire_lets_the_program_become_quiet_and_fires_later(bench):

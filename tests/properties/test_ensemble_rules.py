@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rmr.vm.engines import Engine
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(PROGRAMS), st.sampled_from(list(Engine)))
 def test_no_fact_is_used_twice_and_no_firing_is_half(seed, text, engine):
     assert History(seed, text, engine).run() == []
@@ -16,7 +16,7 @@ def test_no_fact_is_used_twice_and_no_firing_is_half(seed, text, engine):
 
 @pytest.mark.parametrize("place", range(len(PROGRAMS)))
 def test_both_engines_have_the_same_history(place):
-    for seed in range(4):
+    for seed in range(4 if place < 4 else 1):
         one, other = (History(seed, PROGRAMS[place], engine) for engine in Engine)
         assert one.run() == other.run() == []
         assert (one.seen, one.frames) == (other.seen, other.frames)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from rmr.lang.explain.texts import Spot, Texts
 from rmr.lang.lower.joint_plan import JointClass, JointPlan, RemotePart
 
-FRAMES = (0, 2, 6)
-"""Frames of a firing by the number of robots that decide: offer and answer; with two of them also the reservation and
-its answer, the decision for the one that has reserved, and the word that all know it."""
+FRAMES = (0, 2, 5, 10)
+"""Frames of a firing by the number of robots that decide: offer and answer; for each that reserves the reservation, its
+answer and the decision; and if two reserve, for each the word that all know the decision."""
 
 
 @dataclass(frozen=True, slots=True)

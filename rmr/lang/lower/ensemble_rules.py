@@ -21,15 +21,25 @@ has acknowledged. A remote that dies before that has shown nothing. Every messag
 that no offer is decided twice. A home that hears of the next life of a remote takes back what it has offered to the
 earlier one, unless that one's decision has come: the exchange drops what comes from an earlier life of its sender.
 
+RESERVED. With two or three remotes that decide, all but the last set their part aside first, in ascending order of the
+robots' numbers, which makes a circle of waiting robots impossible. The home offers to the last one when all have
+reserved, and tells them what was decided. The rules are written for each order of the robots that the conditions leave
+possible, with a test of their numbers. `decision` says what each message carries, `decision_remote` what becomes of
+reservations when robots die.
+
 A remote that itself waits for a decision does not refuse an offer from a robot with a lower number: it answers when its
 own facts are back. Of robots that offer to one another, one therefore fires.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import permutations
 
 from rmr.bytecode.program import Best, Duty, Kind
 from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.lower.decision import Decision
+from rmr.lang.lower.decision_home import HomeRules
+from rmr.lang.lower.decision_remote import RemoteRules
 from rmr.lang.lower.ensemble_writer import INT, ROBOT_TYPE, EnsembleWriter, RuleWriter
 from rmr.lang.lower.joint_plan import (
     JointPlan,
@@ -37,10 +47,9 @@ from rmr.lang.lower.joint_plan import (
     known_from,
     names_in,
 )
-from rmr.lang.lower.offer_rules import OfferRules
-from rmr.lang.lower.reserve_rules import ReserveRules
 from rmr.lang.read.syntax import (
     Binary,
+    Call,
     Condition,
     Conjunct,
     Expression,
@@ -159,20 +168,25 @@ class _Rewriting(RuleWriter):
     # ---- offered
 
     def _offered(self, parts: list[RemotePart], facts: list[FactNode], conditions: list[Condition]) -> list[RuleItem]:
-        """Return the rules for remotes that decide, one or two."""
+        """Return the rules for remotes that decide, in each order that their numbers may have."""
         facts, equations = self._plainly(facts)
         conditions = [*equations, *conditions]
         results = [fold.result.name for fold in self.plan.folds if fold.result is not None]
         known = known_from(facts, conditions, results)
         here = [each for each in conditions if set(names_in(each)) <= known]
         there = [each for each in conditions if each not in here]
-        if len(parts) == 1:
-            return OfferRules(self, parts[0], facts, here, there, known).rules()
         rules: list[RuleItem] = []
-        for first, last in (parts, parts[::-1]):
-            plain, more = self._plainly(first.facts)
-            booking = replace(first, facts=tuple(plain))
-            rules += ReserveRules(self, booking, last, facts, here, [*more, *there], known).rules()
+        for order in permutations(parts):
+            if _is_excluded(order, here):
+                continue
+            *reserving, last = order
+            bookings = []
+            left = there
+            for part in reserving:
+                plain, more = self._plainly(part.facts)
+                bookings.append(replace(part, facts=tuple(plain)))
+                left = [*more, *left]
+            rules += _decided(Decision(self, [*bookings, last], facts, here, left, known))
         return rules
 
     def _plainly(self, facts: Iterable[FactNode]) -> tuple[list[FactNode], list[Condition]]:
@@ -194,3 +208,38 @@ class _Rewriting(RuleWriter):
                         equations.append(self.test("=", variable, argument))
             plain.append(replace(fact, arguments=tuple(arguments)))
         return plain, equations
+
+
+def _decided(decision: Decision) -> list[RuleItem]:
+    """Return the rules of a rule that is decided, those that answer another robot first."""
+    home = HomeRules(decision)
+    return [
+        *RemoteRules(decision).answers(),
+        *home.outcomes(),
+        *[home.greet(step) for step in decision.steps],
+        home.draw(),
+    ]
+
+
+def _is_excluded(order: Sequence[RemotePart], here: Sequence[Condition]) -> bool:
+    """Whether the home's conditions compare the numbers of robots in another order."""
+    names = [each.owner.name if isinstance(each.owner, Variable) else None for each in order]
+    for condition in here:
+        test = condition.expression
+        if not isinstance(test, Binary) or test.operator not in {"<", "<=", ">", ">="}:
+            continue
+        smaller, larger = (_numbered(each) for each in (test.left, test.right))
+        if test.operator in {">", ">="}:
+            smaller, larger = larger, smaller
+        both = smaller in names and larger in names and None not in {smaller, larger}
+        if both and names.index(smaller) > names.index(larger):
+            return True
+    return False
+
+
+def _numbered(expression: Expression) -> str | None:
+    """Return the name of the variable whose robot's number an expression is."""
+    if isinstance(expression, Call) and expression.name.text == "id":
+        robot = expression.arguments[0]
+        return robot.name if isinstance(robot, Variable) else None
+    return None

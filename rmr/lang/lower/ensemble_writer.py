@@ -135,6 +135,7 @@ _SHARED: dict[str, tuple[Kind, tuple[Type, ...], Duty]] = {
     "greeted": (Kind.PERSISTENT, (ROBOT_TYPE,), Duty.NOTE),
     "count": (Kind.TEMPORARY, (INT,), Duty.NOTE),
     "out": (Kind.TEMPORARY, (INT,), Duty.NOTE),
+    "turn": (Kind.TEMPORARY, (ROBOT_TYPE, INT), Duty.NOTE),
 }
 """Kind, types behind the owner, and duty of the predicates that all ensemble rules share."""
 
@@ -153,6 +154,8 @@ class RuleWriter:
         self.home = plan.home
         self._typed: dict[str, Type] = {}
         self._fresh = 0
+        self._too_large: set[str] = set()
+        """Messages that have been reported."""
 
     # ---- types of variables
 
@@ -232,7 +235,8 @@ class RuleWriter:
     def must_fit(self, what: str, names: Iterable[str], fixed: int) -> None:
         """Report a message whose values cannot fit one frame."""
         least = fixed + sum(octets(self.variable(name), self.type(name), {}) for name in names)
-        if least > FACT_OCTETS_MAX:
+        if least > FACT_OCTETS_MAX and what not in self._too_large:
+            self._too_large.add(what)
             message = f"{what} takes {least} octets at least, a radio frame has room for {FACT_OCTETS_MAX}"
             hint = "a decision travels in one frame: keep large values in persistent facts and name them by a number"
             self._found.report("E038", message, self._span, hint=hint)

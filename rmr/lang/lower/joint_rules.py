@@ -36,7 +36,7 @@ from rmr.lang.read.syntax import (
     Variable,
 )
 
-OFFERED_MAX = 2
+OFFERED_MAX = 3
 """Largest number of remote robots in one rule whose facts are consumed, kept, sensed or negated."""
 
 
@@ -236,7 +236,8 @@ class JointPlanner:
     def _is_possible(self, plan: JointPlan) -> bool:
         """Whether the plan can be carried out; else the reason is reported."""
         if len(plan.offered) > OFFERED_MAX:
-            who = " and ".join(called(each.owner) for each in plan.offered)
+            *others, final = [called(each.owner) for each in plan.offered]
+            who = f"{', '.join(others)} and {final}"
             message = f"facts of {who} would have to be used up, or looked at, at one instant with those of "
             message += called(plan.home)
             hint = (

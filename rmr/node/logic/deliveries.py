@@ -13,6 +13,7 @@ from typing import Final
 
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
+from rmr.bytecode.hidden_words import hidden_label
 from rmr.bytecode.program import SENT_DUTIES, Duty, Kind
 from rmr.node import payloads
 from rmr.node.logic.deadlines import Deadlines
@@ -221,7 +222,8 @@ class Deliveries:
             raise WireError(str(error)) from error
         if self._state.notes.level is not TraceLevel.NOTHING:
             fact = self._text(delivery, source, self._robot)
-            self._state.trace(now, "received", source=source, predicate=name, fact=fact)
+            label = name if delivery.role in ABOUT_JOBS else hidden_label(self._program, delivery.index)
+            self._state.trace(now, "received", source=source, predicate=label, fact=fact)
 
     def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
         machine = self._machine

@@ -78,6 +78,26 @@ def test_a_deadline_survives_the_wire_to_the_millisecond(due):
     assert len(body) == 6 + 4 * (due != NEVER)
 
 
+SEVERAL = """
+type waiting(robot, int).
+type served(robot, int).
+waiting(A, X), free(B, X), peer(A, B) -o served(A, X), gave(B, X).
+job: watch(waiting(A, X), served(A, X), 0.5, say(A, "late")).
+"""
+
+
+def test_an_offer_and_its_answer_carry_the_deadline_of_the_job_that_they_serve(made):
+    program = compile_source(SEVERAL).program
+    assert program is not None
+    home = made(program)
+    home.insert(seconds(1), program.index("waiting"), (7,))
+    due, jobs = Deadlines(program, home).of(seconds(1), 2, delivery(program, "offer__1"))
+    assert (due, [job.name for job in jobs]) == (seconds(1.5), ["job"])
+    remote = Deadlines(program, made(program))
+    remote.arrived(seconds(1), 1, delivery(program, "offer__1", due=due))
+    assert [remote.of(seconds(1), 1, delivery(program, name))[0] for name in ("fired__1", "refused__1")] == [due, due]
+
+
 @pytest.fixture
 def made():
     return lambda program: new_machine(program, 1, Choices("1"))
