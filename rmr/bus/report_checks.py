@@ -32,6 +32,7 @@ PART: Final[dict[str, Check]] = {
     "goals": fields({"achieved": each(group(text, number)), "open": each(text)}),
     "actions": each(group(number, text)),
     "restarts": count,
+    "unsaved": count,
     "resumed": flag,
     "expression_failures": count,
     "undelivered": count,

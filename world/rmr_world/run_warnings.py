@@ -30,6 +30,12 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
             f"{undelivered} of the facts, goals and actions for other robots not delivered; the first: "
             f"{_first(parts, 'first_undelivered')}"
         )
+    lost = {robot: part["lost_in_restart"] for robot, part in parts.items() if part.get("lost_in_restart")}
+    if lost:
+        which = ", ".join(f"robot {robot}: {count}" for robot, count in lost.items())
+        lines.append(
+            f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
+        )
     return [*lines, *_dropped(parts), *_omitted(parts, report)]
 
 

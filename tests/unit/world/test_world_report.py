@@ -42,7 +42,7 @@ def test_the_report_has_the_keys_of_the_contract():
     assert report["deadlines"] == {"met": 1, "missed": 1, "best_possible": 2}
     assert sorted(report["robots"]["1"]) == [
         "assertions", "distance_m", "expression_failures", "facts", "finish_s", "frames", "goals", "left_out",
-        "restarts",
+        "lost_in_restart", "restarts",
         "tasks_skipped", "ticks", "ticks_late", "undelivered",
     ]  # fmt: skip
 
