@@ -7,6 +7,8 @@ The launcher and the simulator print these lines to standard error after the tab
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from rmr_world.late_commands import ROW_MIN
+
 TEXT_MAX = 120
 """Characters of a fact, an action or a reason that are printed."""
 OMITTED = {"actions_omitted": "actions", "assertions_omitted": "jobs", "goals_omitted": "achieved goals"}
@@ -36,7 +38,7 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
         )
-    return [*lines, *_dropped(parts), *_omitted(parts, report)]
+    return [*lines, *_braked(report), *_dropped(parts), *_omitted(parts, report)]
 
 
 def unhandled_failures(report: Mapping[str, Any]) -> int:
@@ -59,6 +61,15 @@ def _first(parts: Mapping[str, Mapping[str, Any]], field: str) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= TEXT_MAX else f"{text[:TEXT_MAX]}..."
+
+
+def _braked(report: Mapping[str, Any]) -> Iterator[str]:
+    for robot, count, worst_s in report.get("bus", {}).get("late_commands", ()):
+        if count >= ROW_MIN:
+            yield (
+                f"robot {robot} braked although it drove: {count} of its wheel commands arrived too late, the latest "
+                f"{worst_s:.3f} s after it was decided; the bus is delayed or the machine is too slow"
+            )
 
 
 def _dropped(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
