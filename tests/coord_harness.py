@@ -209,23 +209,25 @@ class Model:
         self.at(when, stop)
 
     def crash(self, when: Instant, robot: int) -> None:
-        def die() -> None:
-            mind = self.minds[robot]
-            mind.alive = False
-            mind.job = None
-            if mind.inside is not None:
-                mind.inside.end = min(mind.inside.end, self.now)
-                mind.inside = None
+        self.at(when, lambda: self._die(self.minds[robot]))
 
-        self.at(when, die)
+    def _die(self, mind: Mind) -> None:
+        mind.alive = False
+        mind.job = None
+        if mind.inside is not None:
+            mind.inside.end = min(mind.inside.end, self.now)
+            mind.inside = None
 
     def restart(self, when: Instant, robot: int) -> None:
         def rise() -> None:
             mind = self.minds[robot]
+            self._die(mind)  # two faults may overlap: it may have been restarted already
             mind.alive = True
             mind.inbox, mind.outcomes, mind.heard, mind.slot = [], [], {}, None
             mind.boot()
             self.restarts.append((robot, self.now))
+            # A leader that begins anew counts its terms from 1 again, and knows none of the slots that it has frozen.
+            self.promised = {key: start for key, start in self.promised.items() if key[0][1] != robot}
 
         self.at(when, rise)
 
