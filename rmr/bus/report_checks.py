@@ -44,6 +44,7 @@ PART: Final[dict[str, Check]] = {
     "bus": _COUNTERS,
     "left_out": each(text),
     "log_cut_short": people,
+    "late_samples": count,
     "late_commands": each(group(robot, count, number)),
     "faults": each(fields({"from": number}, {"to": number})),
 }

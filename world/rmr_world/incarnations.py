@@ -11,7 +11,7 @@ from rmr_world.deadline_bound import DIED
 
 COUNTED: Final = (
     "actions_failed", "actions_unhandled", "actions_omitted", "assertions_omitted", "expression_failures",
-    "undelivered", "ticks", "ticks_late", "tasks_skipped",
+    "undelivered", "ticks", "ticks_late", "tasks_skipped", "late_samples",
 )  # fmt: skip
 """Fields of a robot's part of the report that are summed over its incarnations."""
 LISTED: Final = ("assertions", "actions")

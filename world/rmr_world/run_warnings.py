@@ -7,7 +7,7 @@ The launcher and the simulator print these lines to standard error after the tab
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rmr_world.late_commands import ROW_MIN
+from rmr.bus.lateness import ROW_MIN
 
 TEXT_MAX = 120
 """Characters of a fact, an action or a reason that are printed."""
@@ -38,7 +38,7 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
         )
-    return [*lines, *_braked(report), *_dropped(parts), *_omitted(parts, report)]
+    return [*lines, *_braked(report), *_stood(parts), *_dropped(parts), *_omitted(parts, report)]
 
 
 def unhandled_failures(report: Mapping[str, Any]) -> int:
@@ -69,6 +69,16 @@ def _braked(report: Mapping[str, Any]) -> Iterator[str]:
             yield (
                 f"robot {robot} braked although it drove: {count} of its wheel commands arrived too late, the latest "
                 f"{worst_s:.3f} s after it was decided; the bus is delayed or the machine is too slow"
+            )
+
+
+def _stood(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for robot, part in parts.items():
+        count = part.get("late_samples", 0)
+        if count >= ROW_MIN:
+            yield (
+                f"robot {robot} stood although it was to drive: {count} of its samples arrived too late; "
+                f"the bus is delayed or the machine is too slow"
             )
 
 

@@ -7,7 +7,7 @@ from test_world_server import Held
 
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, milliseconds, tick_start
 from rmr.bus import wire
-from rmr_world.late_commands import ROW_MIN, TELL_EVERY
+from rmr.bus.lateness import ROW_MIN, TELL_EVERY
 from rmr_world.run_warnings import run_warnings
 
 ROBOT = 1
@@ -61,4 +61,12 @@ def test_late_commands_stand_among_the_warnings_of_a_run():
     assert run_warnings({"robots": {}, "bus": {"lost": 0, "late_commands": [few, many]}}) == [
         "robot 3 braked although it drove: 40 of its wheel commands arrived too late, the latest 0.180 s "
         "after it was decided; the bus is delayed or the machine is too slow"
+    ]
+
+
+def test_late_samples_stand_among_the_warnings_of_a_run():
+    robots = {"1": {"late_samples": ROW_MIN - 1}, "2": {"late_samples": 90}}
+    assert run_warnings({"robots": robots}) == [
+        "robot 2 stood although it was to drive: 90 of its samples arrived too late; "
+        "the bus is delayed or the machine is too slow"
     ]
