@@ -3,12 +3,12 @@
 import logging
 
 from rmr.base.time import Instant, in_seconds
-from rmr.bus.lateness import LIMIT, Lateness
+from rmr.bus.late_messages import LIMIT, LateMessages
 
 log = logging.getLogger("rmr")
 
 
-class LateSamples(Lateness):
+class LateSamples(LateMessages):
     """The late samples of one robot."""
 
     def __init__(self, robot: int) -> None:

@@ -4,7 +4,7 @@ import logging
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
-from rmr.bus.lateness import LIMIT, Lateness
+from rmr.bus.late_messages import LIMIT, LateMessages
 
 log = logging.getLogger("rmr")
 
@@ -13,11 +13,11 @@ class LateCommands:
     """The late commands of each robot: how many, and how late the latest was."""
 
     def __init__(self) -> None:
-        self._robots: dict[int, Lateness] = {}
+        self._robots: dict[int, LateMessages] = {}
 
     def note(self, robot: int, stamp: Instant, now: Instant) -> None:
         """Take note of a command of `robot` that was decided at `stamp` and has arrived `now`, in lab time."""
-        if self._robots.setdefault(robot, Lateness()).note(stamp, now):
+        if self._robots.setdefault(robot, LateMessages()).note(stamp, now):
             log.warning(
                 "robot %d brakes: its wheel commands arrive %.0f ms late, and after %.0f ms they are dropped; "
                 "the bus is delayed or the machine is too slow",

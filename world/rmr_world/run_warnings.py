@@ -7,7 +7,7 @@ The launcher and the simulator print these lines to standard error after the tab
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rmr.bus.lateness import ROW_MIN
+from rmr.bus.late_messages import ROW_MIN
 
 TEXT_MAX = 120
 """Characters of a fact, an action or a reason that are printed."""

@@ -7,7 +7,7 @@ import pytest
 from test_robot_life import live, sample
 
 from rmr.base.time import TICK_HZ, milliseconds, seconds, tick_start
-from rmr.bus.lateness import ROW_MIN, TELL_EVERY
+from rmr.bus.late_messages import ROW_MIN, TELL_EVERY
 from rmr_agent.late_samples import LateSamples
 
 

@@ -7,7 +7,7 @@ from test_world_server import Held
 
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, milliseconds, tick_start
 from rmr.bus import wire
-from rmr.bus.lateness import ROW_MIN, TELL_EVERY
+from rmr.bus.late_messages import ROW_MIN, TELL_EVERY
 from rmr_world.run_warnings import run_warnings
 
 ROBOT = 1

@@ -17,7 +17,7 @@ TELL_EVERY: Final[Duration] = seconds(5)
 """Least lab time between two warnings."""
 
 
-class Lateness:
+class LateMessages:
     """The late messages of one robot and one kind."""
 
     def __init__(self) -> None:
