@@ -1,12 +1,15 @@
 """Random runs: the seed draws the robots, the traffic and the faults, then the air is healed and all must be served.
 
-Two draws: the plain one (uniform loss, short faults), and the wide one (loss of its own per link, one kind of frame
-delayed, duplicates up to 30 s old, restart loops, stalls up to 60 s, forged frames).
+Three draws: the plain one (uniform loss, short faults), the wide one (some of: loss of its own per link, one kind of
+frame delayed, duplicates up to 30 s old, restart loops, stalls up to 60 s, forged frames), and the hard one (all of:
+unequal links, old duplicates, a restart loop, stalls up to 60 s, most of them of a robot that is inside).
 
-Run as a program for a long campaign: ``python coord_campaign.py FIRST LAST [wide]``; each failing seed is printed.
+Run as a program for a long campaign: ``python coord_campaign.py FIRST LAST [wide|hard]``; each failing seed is printed,
+and at the end how many runs had which kind of fault and how many overlaps there were of which kind.
 """
 
 import sys
+from collections import Counter
 from dataclasses import dataclass, field
 from random import Random
 
@@ -29,6 +32,10 @@ class Outcome:
     leaders: list[int]
     options: str
     excused: list[str] = field(default_factory=list)
+    kinds: tuple[str, ...] = ()
+    """The kinds of fault that were drawn."""
+    overlaps: Counter[str] = field(default_factory=Counter)
+    """Overlaps of any kind, also those that nobody can prevent, by what the two robots knew."""
 
     @property
     def ok(self) -> bool:
@@ -68,7 +75,7 @@ def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6
     model.parted = {}
     served = model.run_until(lambda: model.now > ms(21_000) and model.all_served(), ms(90_000))
     options = f"n={count} {air.loss=} ways={ways} {faults} spread={spread}".replace("air.", "")
-    return _outcome(seed, model, served, options)
+    return _outcome(seed, model, served, options, faults)
 
 
 def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
@@ -102,10 +109,53 @@ def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = 
     served = model.run_until(model.all_served, healed + ms(200_000))
     model.run(max(model.now, healed) + ms(4000))  # two leaders have time to hear each other
     options = f"n={count} {air.loss=} {ways=} {kinds} {spread=} {longest=}".replace("air.", "")
-    return _outcome(seed, model, served, options)
+    return _outcome(seed, model, served, options, kinds)
 
 
-def _outcome(seed: int, model: Model, served: bool, options: str) -> Outcome:
+def run_hard(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+    """Run one seed of the hard draw: unequal links, old duplicates, a restart loop and stalls in every run."""
+    rng = Random(f"campaign/hard/{seed}")
+    count = rng.randint(*robots)
+    air = Air(duplicate=rng.choice((0.0, 0.1)), late=rng.choice((0.0, 0.05)), echo=rng.choice((0.02, 0.1, 0.3)))
+    losses = rng.choice(((0.0, 0.0, 0.2), (0.0, 0.2, 0.5), (0.0, 0.2, 0.5, 0.9, 1.0)))
+    model = Model(seed, count, air, timing)
+    air.links = {(a, b): rng.choice(losses) for a in model.ids for b in model.ids if a != b}
+    ways, spread = rng.choice((2, 2, 2, 1)), rng.choice((20, 300, 5000))
+    longest = rng.choice((3000, 20_000, 60_000))
+    for robot in model.ids:
+        for when in (rng.uniform(0, spread), rng.uniform(6000, 12_000), rng.uniform(14_000, 20_000)):
+            if when <= spread or rng.random() < 0.4:
+                _trigger(model, rng, robot, when, ways, longest)
+    kinds = ["links", "echo", "loop", "long stall", *rng.sample(("partition", "crash", "withdraw"), rng.randint(0, 1))]
+    for kind in kinds:
+        _break_wide(model, rng, kind)
+    for _ in range(rng.randint(1, 2)):
+        _stall_inside(model, rng, rng.uniform(0, 15_000))
+    healed = ms(100_000)
+    model.run(healed)
+    model.air, model.parted = Air(), {}
+    served = model.run_until(model.all_served, healed + ms(250_000))
+    model.run(max(model.now, healed) + ms(4000))
+    options = f"n={count} {losses=} {ways=} {kinds} {spread=} {longest=} {air.echo=}".replace("air.", "")
+    return _outcome(seed, model, served, options, kinds)
+
+
+def _stall_inside(model: Model, rng: Random, after: float) -> None:
+    """Stall the robot that is inside first from `after` ms on, at some time before it leaves."""
+    duration, share = ms(rng.choice((5000, 12_000, 20_000, 60_000))), rng.random()
+
+    def look() -> None:
+        inside = [mind for mind in model.minds.values() if mind.inside is not None]
+        if inside:
+            left = inside[0].leaves - model.now
+            model.stall(model.now + max(0, int(share * left)), inside[0].robot, duration)
+        elif model.now < ms(35_000):
+            model.at(model.now + ms(50), look)
+
+    model.at(ms(after), look)
+
+
+def _outcome(seed: int, model: Model, served: bool, options: str, kinds: list[str]) -> Outcome:
     """Return what the run of `model` showed, which has ended."""
     unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
     return Outcome(
@@ -117,6 +167,8 @@ def _outcome(seed: int, model: Model, served: bool, options: str) -> Outcome:
         model.leaders(),
         options,
         model.excused,
+        tuple(kinds),
+        model.overlaps,
     )
 
 
@@ -179,20 +231,29 @@ def _break(model: Model, rng: Random, fault: str) -> None:
         model.partition(when + ms(rng.uniform(300, 4000)), {})
 
 
+DRAWS = {"plain": run, "wide": run_wide, "hard": run_hard}
+
+
 def main() -> None:
     """Run the seeds FIRST..LAST and print what failed."""
     first, last = int(sys.argv[1]), int(sys.argv[2])
-    draw = run_wide if sys.argv[3:] == ["wide"] else run
+    draw = DRAWS[sys.argv[3] if sys.argv[3:] else "plain"]
     entries = terms = failed = excused = 0
+    kinds: Counter[str] = Counter()
+    overlaps: Counter[str] = Counter()
     for seed in range(first, last + 1):
         outcome = draw(seed)
         entries += outcome.entries
         terms += outcome.terms > 1
         excused += len(outcome.excused)
+        kinds.update(outcome.kinds)
+        overlaps.update(outcome.overlaps)
         if not outcome.ok:
             failed += 1
             print(seed, outcome.options, outcome.violations[:3], outcome.unserved, outcome.leaders, flush=True)
     print(f"{last - first + 1} runs, {entries} entries, {terms} with several terms, {failed} failed, {excused} excused")
+    print("faults:", ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items())) or "none")
+    print("overlaps:", ", ".join(f"{kind} {number}" for kind, number in sorted(overlaps.items())) or "none")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ restart, stall and are parted. Every entry is checked against the protocol's gua
 """
 
 import heapq
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from random import Random
@@ -117,6 +118,8 @@ class Model:
         self.violations: list[str] = []
         self.excused: list[str] = []
         """Overlaps that no protocol without a quorum can prevent."""
+        self.overlaps: Counter[str] = Counter()
+        """All overlaps, by term and by what the first had announced."""
         self.stalls: list[tuple[int, Instant]] = []
         self.restarts: list[tuple[int, Instant]] = []
         self.partitions: list[tuple[Instant, dict[int, int]]] = []
@@ -206,23 +209,25 @@ class Model:
         self.at(when, stop)
 
     def crash(self, when: Instant, robot: int) -> None:
-        def die() -> None:
-            mind = self.minds[robot]
-            mind.alive = False
-            mind.job = None
-            if mind.inside is not None:
-                mind.inside.end = min(mind.inside.end, self.now)
-                mind.inside = None
+        self.at(when, lambda: self._die(self.minds[robot]))
 
-        self.at(when, die)
+    def _die(self, mind: Mind) -> None:
+        mind.alive = False
+        mind.job = None
+        if mind.inside is not None:
+            mind.inside.end = min(mind.inside.end, self.now)
+            mind.inside = None
 
     def restart(self, when: Instant, robot: int) -> None:
         def rise() -> None:
             mind = self.minds[robot]
+            self._die(mind)  # two faults may overlap: it may have been restarted already
             mind.alive = True
             mind.inbox, mind.outcomes, mind.heard, mind.slot = [], [], {}, None
             mind.boot()
             self.restarts.append((robot, self.now))
+            # A leader that begins anew counts its terms from 1 again, and knows none of the slots that it has frozen.
+            self.promised = {key: start for key, start in self.promised.items() if key[0][1] != robot}
 
         self.at(when, rise)
 
@@ -406,6 +411,7 @@ class Model:
     def _overlap(self, entry: Entry, other: Entry) -> None:
         """Two opposed robots are inside: wrong under one term, or if the later one had heard of the first."""
         text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
+        self.overlaps[self._kind_of_overlap(entry, other)] += 1
         if entry.cautious:
             return
         since = self.now - self.timing.claim.quiet - self.timing.claim.beacon
@@ -422,6 +428,17 @@ class Model:
             self.violations.append(text + " though nothing but chance kept them from hearing each other")
         else:
             self.excused.append(text)
+
+    def _kind_of_overlap(self, entry: Entry, other: Entry) -> str:
+        """Return under which terms, and within which promises, `entry` begins while `other` is inside."""
+        if entry.term != other.term:
+            terms = "two terms"
+        elif self.forgot(entry.term[1], other.start - self.timing.schedule.lease):
+            terms = "one term, leader restarted"
+        else:
+            terms = "one term"
+        way = "with caution" if entry.cautious else "as announced" if self.now < other.announced else "overdue"
+        return f"{terms}, {way}"
 
     def _hear_each_other(self, robot: int, other: int, since: Instant) -> bool:
         """Whether both have been awake and linked since `since`, by links that are as good in both directions."""

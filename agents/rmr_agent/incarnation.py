@@ -37,6 +37,7 @@ from rmr.vm.outside import Gate
 from rmr_agent.bus_ports import RADIO_GRACE, BusBody, RadioLink
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
+from rmr_agent.late_samples import LateSamples
 from rmr_agent.local_air import LocalAir
 from rmr_agent.program_updates import ProgramUpdates
 
@@ -195,6 +196,7 @@ class Incarnation:
         self._begun_cpu = 0
         self._air = send.air
         self._beacons = len(config.arena.beacons)
+        self.late_samples = LateSamples(config.robot)
         self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
         ports = Ports(self.link, self.body, self._spent)
@@ -254,6 +256,8 @@ class Incarnation:
             self.link.malformed += 1  # of another arena: a world has begun anew, and the robot has not noticed yet
             return
         first = self.body.place is None
+        if self.started:
+            self.late_samples.note(sample.stamp, self.now())
         self._clock.hear(sample.stamp)
         self.body.feed(sample)
         assert self.body.place is not None

@@ -354,9 +354,9 @@ class HostedRobot:
         await self._publisher.tell(self._keys.status(self._robot), status, lambda: self._report(incarnation))
 
     def _report(self, incarnation: Incarnation) -> dict[str, Any]:
-        losses = self._bus.losses
-        bus = {"lost": losses.lost, "malformed": losses.malformed + incarnation.link.malformed}
-        host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {}) | incarnation.resumed
+        bus = {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed + incarnation.link.malformed}
+        host = {"bus": bus, "late_samples": incarnation.late_samples.count} | incarnation.resumed
+        host |= {"log_cut_short": LogFile.failure} if LogFile.failure else {}
         if not incarnation.started:
             return host
         return robot_report(incarnation.node, incarnation.link.station.counters.as_dict(), self._restarts) | host

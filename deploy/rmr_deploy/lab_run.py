@@ -167,7 +167,9 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
         dead=outcome.dead,
     )
-    added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
+    world = monitor.world.report if monitor and monitor.world else {}
+    told["bus"]["late_commands"] = [list(each) for each in world.get("late_commands", ())]
+    added = world.get("faults", ())
     disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
     for entry in outcome.faults:
         if "to" in entry:  # one that was to last to the end of the run

@@ -32,6 +32,7 @@ PART: Final[dict[str, Check]] = {
     "goals": fields({"achieved": each(group(text, number)), "open": each(text)}),
     "actions": each(group(number, text)),
     "restarts": count,
+    "unsaved": count,
     "resumed": flag,
     "expression_failures": count,
     "undelivered": count,
@@ -43,6 +44,8 @@ PART: Final[dict[str, Check]] = {
     "bus": _COUNTERS,
     "left_out": each(text),
     "log_cut_short": people,
+    "late_samples": count,
+    "late_commands": each(group(robot, count, number)),
     "faults": each(fields({"from": number}, {"to": number})),
 }
 """Checks of the fields of a part, by name; other fields may be any plain data."""

@@ -26,6 +26,7 @@ from rmr.eval.eval_ether import LATENCY, EvalEther, Messages, frame_text
 from rmr.eval.eval_report import (
     dropped,
     entry,
+    lost_in_restarts,
     omitted,
     outstanding,
     past_life,
@@ -276,8 +277,8 @@ class Ensemble:
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return the warnings of the run, by kind."""
-        common = undelivered(self), unheard(self), dropped(self), repeating(self), unmatched(self)
-        return *common, slowed(self), omitted(self)
+        lost = undelivered(self), lost_in_restarts(self), unheard(self)
+        return *lost, dropped(self), repeating(self), unmatched(self), slowed(self), omitted(self)
 
     # ---- events
 

@@ -9,7 +9,7 @@ from rmr.eval.deaths import Death
 from rmr.eval.eval_ether import LATENCY, EvalEther, Messages
 from rmr.eval.given import Insertion
 from rmr.eval.topology import Topology
-from rmr.node.report import job_entry
+from rmr.node.report import job_entry, unsaved
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
@@ -156,18 +156,20 @@ def entry(hosted: HostedNode) -> dict[str, Any]:
     part = _life(hosted)
     if not hosted.past and hosted.alive:
         return part
+    lost = sum(past["unsaved"] for past in hosted.past)
     if not hosted.alive:
         part = _died(part)
     for name in ("undelivered", "expression_failures"):
         part[name] += sum(past[name] for past in hosted.past)
     for name in ("actions", "assertions"):
         part[name] = [item for past in (*hosted.past, part) for item in past[name]]
-    return part | {"restarts": len(hosted.past), "alive": hosted.alive}
+    return part | {"restarts": len(hosted.past), "lost_in_restart": lost, "alive": hosted.alive}
 
 
 def past_life(hosted: HostedNode) -> dict[str, Any]:
     """Return the part of the report of a node that has died."""
-    return _died(_life(hosted))
+    life = _life(hosted)
+    return _died(life) | {"unsaved": unsaved(hosted.node, life["facts"])}
 
 
 def _died(part: dict[str, Any]) -> dict[str, Any]:
@@ -187,6 +189,14 @@ def _life(hosted: HostedNode) -> dict[str, Any]:
         "undelivered": node.messenger.deliveries.undelivered,
         "expression_failures": node.machine.expression_failures,
     }
+
+
+def lost_in_restarts(ensemble: NodeRun) -> Iterator[str]:
+    """Yield how much each robot has lost with its memory."""
+    for identity, hosted in ensemble.robots.items():
+        count = sum(past["unsaved"] for past in hosted.past)
+        if count:
+            yield f"robot {identity}: lost in restarts (facts, actions, deliveries): {count}"
 
 
 def outstanding(hosted: HostedNode) -> Iterator[str]:

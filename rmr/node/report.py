@@ -1,8 +1,14 @@
 """One robot's part of the run's report, and the line that shows how it is getting on."""
 
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
+from rmr.base.values import Robot, format_fact
+from rmr.bytecode.program import Kind
+from rmr.node.actions.dispatcher import Dispatcher
+from rmr.node.config import NodeConfig
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.crossing.phases import Slotted, phase_name
 from rmr.node.driver import Driver
@@ -12,17 +18,25 @@ from rmr.node.messenger import Messenger
 from rmr.node.services import RobotServices
 from rmr.vm.job import TimedJob
 from rmr.vm.machine import Machine
+from rmr.vm.shared import shared_of
 
 
-class ReportedNode(Protocol):
-    """What the report looks at: `rmr.node.node.Node`."""
+class UnsavedNode(Protocol):
+    """What `unsaved` looks at: `rmr.node.node.Node`."""
 
     robot: int
+    config: NodeConfig
     machine: Machine
+    actions: Dispatcher
+    messenger: Messenger
+
+
+class ReportedNode(UnsavedNode, Protocol):
+    """What the report looks at: `rmr.node.node.Node`."""
+
     driver: Driver | None
     crossings: Crossings
     executive: Executive
-    messenger: Messenger
     runner: MachineRunner
     services: RobotServices
 
@@ -48,6 +62,34 @@ def job_entry(job: TimedJob) -> dict[str, Any]:
     }
 
 
+def unsaved(node: UnsavedNode, facts: Sequence[str]) -> int:
+    """Return the number of facts, actions and deliveries that a restart of the robot would lose now.
+
+    `facts` are those that it holds now, as `Machine.facts` returns them.
+    A delivery that has not been acknowledged counts, though the other robot may have got it. Facts that the program or
+    the lab gives do not: the next life has them again.
+    """
+    held = Counter([*facts, *node.machine.set_aside()]) - Counter(_given(node))
+    actions = node.actions
+    under_way = len(actions.held) + len(actions.queue) + len(actions.running)
+    return sum(held.values()) + under_way + node.messenger.deliveries.exchange.unsettled
+
+
+def _given(node: UnsavedNode) -> Iterator[str]:
+    """Yield the facts with which each life of the robot begins, as `Machine.facts` shows them."""
+    program = node.machine.program
+    robot = Robot(node.robot)
+    initial = list(shared_of(program).facts(robot))
+    for name, owner, args in node.config.facts:
+        index = program.index(name)
+        if index is not None and owner in (None, robot):
+            initial.append((index, tuple(args)))
+    for index, args in initial:
+        predicate = program.predicates[index]
+        mark = "!" if predicate.kind is Kind.PERSISTENT else ""
+        yield format_fact(predicate.name, (robot, *args), mark)
+
+
 def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
     """Return robot's entry of the report; `radio` holds the link's counters."""
     jobs = node.machine.jobs
@@ -55,6 +97,7 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
     goals = node.machine.goals()
     log = node.services.action_log
     deliveries = node.messenger.deliveries
+    facts = node.machine.facts()
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
         "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
@@ -63,7 +106,7 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
             for job in jobs
         ],
         "assertions_omitted": jobs[0].serial - 1 if jobs else 0,
-        "facts": node.machine.facts(),
+        "facts": facts,
         **({"set_aside": aside} if (aside := node.machine.set_aside()) else {}),
         "goals": goals,
         "goals_omitted": node.runner.achieved - len(goals["achieved"]),
@@ -74,6 +117,7 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
         "actions_unhandled": log.unhandled,
         "first_failure": None if log.first_failure is None else list(log.first_failure),
         "restarts": restarts,
+        "unsaved": unsaved(node, facts),
         "expression_failures": node.machine.expression_failures + node.runner.expression_failures,
         "undelivered": deliveries.undelivered,
         "first_undelivered": None if deliveries.first_undelivered is None else list(deliveries.first_undelivered),

@@ -27,7 +27,8 @@ def parameter(kept):
 def harmed_lab(kept, folder):
     """Write the lab with the kept faults; return its path. Its duration counts from the end of the last fault."""
     source = LABS / kept["lab"]
-    text = _PROGRAM.sub(lambda match: f"program: {source / match[1]}", (source / "lab.yaml").read_text())
+    source = source if source.suffix else source / "lab.yaml"
+    text = _PROGRAM.sub(lambda match: f"program: {source.parent / match[1]}", source.read_text())
     file = folder / "lab.yaml"
     file.write_text(
         text + "".join(["faults:\n", *(f"  - {fault}\n" for fault in kept["faults"])] if kept["faults"] else [])

@@ -8,6 +8,7 @@ read without its program; the predicate and the types of its arguments are check
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import ANY, Anything, Constant
@@ -28,6 +29,11 @@ class FinishPattern:
     name: str
     patterns: tuple[Anything | Constant, ...]
     """Without the owner."""
+
+    @property
+    def constants(self) -> tuple[Any, ...]:
+        """The arguments as plain values; None stands for anything."""
+        return tuple(each.value if isinstance(each, Constant) else None for each in self.patterns)
 
 
 @dataclass(frozen=True, slots=True)

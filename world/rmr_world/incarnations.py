@@ -11,7 +11,7 @@ from rmr_world.deadline_bound import DIED
 
 COUNTED: Final = (
     "actions_failed", "actions_unhandled", "actions_omitted", "assertions_omitted", "expression_failures",
-    "undelivered", "ticks", "ticks_late", "tasks_skipped",
+    "undelivered", "ticks", "ticks_late", "tasks_skipped", "late_samples",
 )  # fmt: skip
 """Fields of a robot's part of the report that are summed over its incarnations."""
 LISTED: Final = ("assertions", "actions")
@@ -22,6 +22,11 @@ FIRST: Final = ("first_failure", "first_undelivered")
 RESUMED: Final = "resumed"
 """Field of a durable robot that was brought back: all but the radio's counters covers its earlier incarnations."""
 
+UNSAVED: Final = "unsaved"
+"""Field of an incarnation: what its end loses (`rmr.node.report.unsaved`)."""
+LOST: Final = "lost_in_restart"
+"""Field of the whole: what the ends of the earlier incarnations have lost."""
+
 
 def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the `part` of a robot whose process has died, with the cause `DIED` in each undecided job."""
@@ -31,14 +36,16 @@ def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
 
 def merged_report(past: Sequence[Mapping[str, Any]], part: Mapping[str, Any]) -> dict[str, Any]:
     """Return `part` of the newest incarnation, merged with the parts of the earlier ones (`past`, oldest first)."""
-    if not past:
-        return dict(part)
     whole = dict(part)
+    whole.pop(UNSAVED, None)
+    if not past:
+        return whole
     if not part.get(RESUMED):
         for name in COUNTED:
             whole[name] = sum(each.get(name, 0) for each in (*past, part))
         for name in LISTED:
             whole[name] = [item for each in (*past, part) for item in each.get(name, ())]
+        whole[LOST] = sum(each.get(UNSAVED, 0) for each in past)
         for name in FIRST:
             whole[name] = next((each[name] for each in (*past, part) if each.get(name) is not None), None)
     frames = [each.get("frames", {}) for each in (*past, part)]

@@ -33,6 +33,8 @@ _ROBOT_DEFAULTS: Mapping[str, Any] = {
     "facts": [],
     "goals": {"achieved": [], "open": []},
     "restarts": 0,
+    "lost_in_restart": 0,
+    "late_samples": 0,
     "expression_failures": 0,
     "undelivered": 0,
     "frames": {"sent": 0, "received": 0, "collided": 0, "no_ack": 0, "access_failed": 0},

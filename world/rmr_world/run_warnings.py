@@ -7,6 +7,8 @@ The launcher and the simulator print these lines to standard error after the tab
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from rmr.bus.late_messages import ROW_MIN
+
 TEXT_MAX = 120
 """Characters of a fact, an action or a reason that are printed."""
 OMITTED = {"actions_omitted": "actions", "assertions_omitted": "jobs", "goals_omitted": "achieved goals"}
@@ -30,7 +32,13 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
             f"{undelivered} of the facts, goals and actions for other robots not delivered; the first: "
             f"{_first(parts, 'first_undelivered')}"
         )
-    return [*lines, *_dropped(parts), *_omitted(parts, report)]
+    lost = {robot: part["lost_in_restart"] for robot, part in parts.items() if part.get("lost_in_restart")}
+    if lost:
+        which = ", ".join(f"robot {robot}: {count}" for robot, count in lost.items())
+        lines.append(
+            f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
+        )
+    return [*lines, *_braked(report), *_stood(parts), *_dropped(parts), *_omitted(parts, report)]
 
 
 def unhandled_failures(report: Mapping[str, Any]) -> int:
@@ -53,6 +61,25 @@ def _first(parts: Mapping[str, Mapping[str, Any]], field: str) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= TEXT_MAX else f"{text[:TEXT_MAX]}..."
+
+
+def _braked(report: Mapping[str, Any]) -> Iterator[str]:
+    for robot, count, worst_s in report.get("bus", {}).get("late_commands", ()):
+        if count >= ROW_MIN:
+            yield (
+                f"robot {robot} braked although it drove: {count} of its wheel commands arrived too late, the latest "
+                f"{worst_s:.3f} s after it was decided; the bus is delayed or the machine is too slow"
+            )
+
+
+def _stood(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for robot, part in parts.items():
+        count = part.get("late_samples", 0)
+        if count >= ROW_MIN:
+            yield (
+                f"robot {robot} stood although it was to drive: {count} of its samples arrived too late; "
+                f"the bus is delayed or the machine is too slow"
+            )
 
 
 def _dropped(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -23,11 +23,11 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import LEASE_MS, Bus
-from rmr.bytecode.program import Constant
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
+from rmr_world.late_commands import LateCommands
 from rmr_world.physics import World
 from rmr_world.world_recorder import WorldRecorder
 
@@ -85,6 +85,7 @@ class WorldServer:
         self._time = LabTime()
         self._tick = 0
         self._late = 0
+        self._late_commands = LateCommands()
         self._set_back = 0
         self._alive: set[int] = set()
         self._vanished: set[int] = set()
@@ -115,7 +116,7 @@ class WorldServer:
             arena=arena.to_data(lab.arena),
             radio=radio,
             facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
-            finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
+            finish=None if finish is None else (finish.name, finish.constants),
             clock=self._time.state,
             disturbances=self._disturbances.held,
         )
@@ -228,7 +229,9 @@ class WorldServer:
         body = message.body
         if isinstance(body, wire.Act) and message.sender in self._alive and self._time.state == "running":
             self._commanded[message.sender] = twist = Twist(body.v, body.w)
-            self._physics.act(message.sender, twist, body.stamp, self._time.at(time.monotonic_ns()))
+            now = self._time.at(time.monotonic_ns())
+            self._late_commands.note(message.sender, body.stamp, now)
+            self._physics.act(message.sender, twist, body.stamp, now)
 
     def _on_status(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
@@ -386,14 +389,10 @@ class WorldServer:
             "alive": sorted(self._alive),
             "ready": sorted(self._ready),
             "contacts": [list(contact) for contact in self._physics.contacts[:100]],
-            "commands_dropped": self._physics.dropped,
+            "late_commands": self._late_commands.report(),
             "ticks_late": self._late,
             "set_back": self._set_back,
             "faults": [fault_entry(one) for one in self._disturbances.history],
             "log_cut_short": LogFile.failure,
             "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
         }
-
-
-def _plain_pattern(pattern: Any) -> Any:
-    return pattern.value if isinstance(pattern, Constant) else None

@@ -156,6 +156,12 @@ class Exchange:
         """Whether nothing is under way or held back."""
         return self.next_wake == NEVER
 
+    @property
+    def unsettled(self) -> int:
+        """Number of deliveries that end with this life: not acknowledged yet, or held back for an earlier one."""
+        sent = sum(len(peer.under_way()) + len(peer.unordered.parked) for peer in self._peers.values())
+        return sent + sum(len(sender.held) for sender in self._senders.values())
+
     # -- sender -----------------------------------------------------------------------------------------------
 
     def send(

@@ -5,7 +5,7 @@ from random import Random
 from statistics import median
 
 import pytest
-from coord_campaign import SHORT, run, run_wide
+from coord_campaign import SHORT, run, run_hard, run_wide
 from coord_harness import EVENT, MS, Air, Model, ms
 
 from rmr.base.grid_path import GridPath
@@ -279,6 +279,15 @@ KEPT = {
 def test_unequal_links_old_duplicates_restart_loops_and_long_stalls_break_no_guarantee(block: int) -> None:
     outcomes = [run_wide(seed) for seed in range(20 * block, 20 * block + 20)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
+
+
+@pytest.mark.medium
+def test_long_stalls_inside_do_not_end_what_was_announced() -> None:
+    """Every run has unequal links, old duplicates, a restart loop and stalls, one or two of them of a robot inside."""
+    outcomes = [run_hard(seed) for seed in range(20)]
+    assert [outcome for outcome in outcomes if not outcome.ok] == []
+    assert sum(outcome.overlaps["one term, as announced"] for outcome in outcomes) == 0
+    assert all({"links", "echo", "loop", "long stall"} <= set(outcome.kinds) for outcome in outcomes)
 
 
 @pytest.mark.medium
