@@ -261,7 +261,7 @@ class DurableNode(RecordedNode):
 
     def _go_live(self) -> None:
         self._gate.live = True
-        self._durable.go_live()
+        self._durable.go_live(self.services.state)
         handles = self._gate.handles
         outcomes = [Confirmed(handle, "no_ack") for handle in handles[-UNCONFIRMED_MAX:]]
         self._gate.unanswered = [outcome for outcome in outcomes if self.awaits(outcome)]

@@ -181,6 +181,11 @@ class RecordedServices:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._robot.node, name)
 
+    @property
+    def log(self) -> StepLog:
+        """The log of the handler's steps."""
+        return self._log
+
     def drive(self, v: float, w: float) -> None:
         """Drive by hand."""
         self._log.add(steps.DRIVE, v, w)
