@@ -23,9 +23,9 @@ from rmr.mind.mind_log import MindLog
 from rmr.mind.recorded_actions import ActionNumbers, RecordedRun
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.mind.replayed_actions import LOST, ReplayedAction
-from rmr.node.actions.built_in import NodeHandle
 from rmr.node.actions.dispatcher import Handler, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause
+from rmr.node.actions.node_handle import NodeHandle
 
 INTERRUPTED: Final = "interrupted: the robot was started again"
 """The failure of an action that was under way when the robot died."""
@@ -55,7 +55,8 @@ class DurableActions:
 
     def handlers(self, handlers: Mapping[str, Handler]) -> dict[str, Handler]:
         """Return `handlers` with each one's actions durable."""
-        return {name: replace(handler, run=DurableRun(self, handler)) for name, handler in handlers.items()}
+        ordered = sorted(handlers.items())  # in whatever order the user's file has registered them
+        return {name: replace(handler, run=DurableRun(self, handler)) for name, handler in ordered}
 
     def go_live(self, state: dict[str, Any]) -> None:
         """Execute handlers from now on; `state` is what they remember."""

@@ -10,9 +10,9 @@ from rmr.mind import action_steps as steps
 from rmr.mind.kept_state import replace_state
 from rmr.mind.mind_header import UserAction
 from rmr.mind.replay_feed import ReplayFeed
-from rmr.node.actions.built_in import NodeHandle
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.handle import ActionFailed, Pause
+from rmr.node.actions.node_handle import NodeHandle
 
 LOST = "the log does not say how the handler goes on"
 """The failure of an action that goes on in a replay and not in the recording."""

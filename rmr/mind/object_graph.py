@@ -1,0 +1,430 @@
+"""The state of all objects that are reachable from a root, as octets, and back into a root that was made anew.
+
+A *skeleton* is the graph of a root that has just been made. Construction is a function of configuration and program, so
+two skeletons have the same objects in the same order, in any process of the same version: an object of one is known by
+its number in the other. A *graph state* is what has changed since: the contents of skeleton objects that are others
+now, and the objects that have been made meanwhile. To restore it, the contents are written into the objects of a new
+skeleton, which keep their identity; functions, closures and ports are those of the new skeleton.
+
+    value       None, bool, int, float, str, bytes as they are; all else is a list that begins with its kind:
+                [number] of an object, or Symbol, Robot, member of an enumeration, class, large integer, unset attribute
+    object      kind and contents (`_CONTENTS`)
+
+The octets are msgpack. Reading them makes objects of classes of `rmr` only, by `__new__` without arguments, and sets
+their attributes; it calls nothing else, and imports nothing. What cannot be told in this way (a generator, a function
+made meanwhile, a class of another package) raises UnsavedError with its path, and no state is written.
+
+The walk asks each object for its attributes, items and closure cells. So the state is complete by construction: no part
+of a robot has to list what it keeps.
+"""
+
+import enum
+import gc
+import sys
+import types
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from random import Random
+from typing import Any, Final
+from zlib import crc32
+
+import msgpack  # type: ignore[import-untyped]
+
+from rmr.base.values import Robot, Symbol
+
+PACKAGE: Final = "rmr."
+"""Classes of which objects are made begin with it."""
+_ATOMS: Final = (type(None), bool, float, str, bytes)
+_INT_MIN: Final = -(1 << 63)
+_INT_END: Final = 1 << 64
+_UNSET: Final = ["unset"]
+_LEAF: Final = ["leaf"]
+
+
+class UnsavedError(Exception):
+    """The state cannot be told; the message says which object is the reason, and by which path it is reached."""
+
+
+class UnfitError(ValueError):
+    """Octets are no graph state of this skeleton; the message says why."""
+
+
+def _pack(data: Any) -> bytes:
+    packed: bytes = msgpack.packb(data, strict_types=True, unicode_errors="surrogatepass")
+    return packed
+
+
+class Walk:
+    """Numbers the objects that are reachable from a root, in the order in which they are found."""
+
+    def __init__(self, leaves: Iterable[object], opaque: tuple[type, ...], before: "Walk | None" = None) -> None:
+        """Neither `leaves` nor instances of `opaque` are looked into. Objects of `before` keep their numbers."""
+        self._leaves = {id(leaf): leaf for leaf in leaves if leaf is not None}
+        self._opaque = opaque
+        self.numbers: dict[int, int] = {} if before is None else dict(before.numbers)
+        self.objects: list[Any] = [] if before is None else list(before.objects)
+        self._found_in: list[int] = [] if before is None else list(before._found_in)
+        """The object in which each was found first."""
+        self._reached: set[int] = set()
+        self._queue: deque[int] = deque()
+        self._present = -1
+        """The object whose contents are being told."""
+        self._slots: dict[type, tuple[str, ...]] = {}
+
+    def told(self, root: object) -> Iterator[tuple[int, Any]]:
+        """Yield number and contents of each object that is reachable from `root`. Raises UnsavedError."""
+        self.value(root)
+        while self._queue:
+            number = self._queue.popleft()
+            yield number, self.contents(number)
+
+    # -- values -------------------------------------------------------------------------------------------------
+
+    def value(self, value: Any) -> Any:
+        """Return `value` as plain data; an object that is new gets a number."""
+        kind = type(value)
+        if kind in _ATOMS:
+            return value
+        if kind is int:
+            return value if _INT_MIN <= value < _INT_END else ["int", str(value)]
+        if kind is Symbol:
+            return ["symbol", str(value)]
+        if kind is Robot:
+            return ["robot", int(value)]
+        if isinstance(value, enum.Enum):
+            return ["member", kind.__module__, kind.__qualname__, value.name]
+        if isinstance(value, type):
+            return ["class", value.__module__, value.__qualname__]
+        number = self.numbers.get(id(value))
+        if number is None:
+            number = len(self.objects)
+            self.numbers[id(value)] = number
+            self.objects.append(value)
+            self._found_in.append(self._present)
+        if number not in self._reached:
+            self._reached.add(number)
+            self._queue.append(number)
+        return [number]
+
+    def contents(self, number: int) -> Any:
+        """Return the contents of an object as plain data. Raises UnsavedError."""
+        self._present = number
+        thing = self.objects[number]
+        kind = type(thing)
+        if id(thing) in self._leaves or isinstance(thing, (*self._opaque, types.ModuleType)):
+            return _LEAF
+        tell = _CONTENTS.get(kind)
+        if tell is not None:
+            return tell(self, thing)
+        if isinstance(thing, tuple) and hasattr(kind, "_fields"):
+            return ["record", kind.__module__, kind.__qualname__, [self.value(item) for item in thing]]
+        if any(base.__module__.startswith(PACKAGE) for base in kind.__mro__[:2]):  # a class may be made at run time
+            told = [self._attribute(thing, name) for name in self.slots(thing)]
+            return ["object", kind.__module__, kind.__qualname__, told]
+        raise UnsavedError(f"{self.path(number)} is a {kind.__module__}.{kind.__qualname__}, which has no form on disk")
+
+    def slots(self, thing: Any) -> tuple[str, ...]:
+        """Return the names of the attributes of an object, sorted."""
+        kind = type(thing)
+        names = self._slots.get(kind)
+        if names is None:
+            names = self._slots[kind] = slots_of(kind)
+        return names if not hasattr(thing, "__dict__") else tuple(sorted({*names, *thing.__dict__}))
+
+    def _attribute(self, thing: Any, name: str) -> Any:
+        try:
+            return [name, self.value(getattr(thing, name))]
+        except AttributeError:
+            return [name, _UNSET]
+
+    def path(self, number: int) -> str:
+        """Return how an object is reached, in words."""
+        names: list[str] = []
+        while number >= 0 and len(names) < 12:
+            names.append(type(self.objects[number]).__name__)
+            number = self._found_in[number]
+        return " of ".join(names)
+
+    def items(self, things: Iterable[Any]) -> list[Any]:
+        """Return items as plain data."""
+        return [self.value(thing) for thing in things]
+
+
+def slots_of(kind: type) -> tuple[str, ...]:
+    """Return the names of the slots of a class and its bases, sorted; of a compiled class its attributes."""
+    names: set[str] = set()
+    for base in kind.__mro__:
+        slots = base.__dict__.get("__slots__", ())
+        names.update([slots] if isinstance(slots, str) else slots)
+        names.update(base.__dict__.get("__mypyc_attrs__", ()))
+    return tuple(sorted(names - {"__dict__", "__weakref__"}))
+
+
+# -- contents by type -------------------------------------------------------------------------------------------
+
+
+def _in_order(things: Iterable[Any]) -> list[Any]:
+    """Return the items of a set in an order that is the same in each process."""
+    return sorted(things, key=repr)
+
+
+def _dict(walk: Walk, thing: Any) -> Any:
+    flat: list[Any] = []
+    for key, value in thing.items():
+        flat.append(walk.value(key))
+        flat.append(walk.value(value))
+    return ["dict" if type(thing) is dict else "ordered", flat]
+
+
+def _random(_: Walk, thing: Random) -> Any:
+    version, numbers, gauss = thing.getstate()
+    return ["random", version, list(numbers), gauss]
+
+
+def _method(walk: Walk, thing: Any) -> Any:
+    owner = thing.__self__
+    if owner is None or isinstance(owner, types.ModuleType):
+        return _function(walk, thing)
+    return ["method", walk.value(owner), thing.__name__]
+
+
+def _function(walk: Walk, thing: Any) -> Any:
+    cells = getattr(thing, "__closure__", None) or ()
+    module = getattr(thing, "__module__", None) or ""
+    return ["function", module, thing.__qualname__, walk.items(cells)]
+
+
+def _cell(walk: Walk, thing: Any) -> Any:
+    try:
+        return ["cell", walk.value(thing.cell_contents)]
+    except ValueError:
+        return ["cell", _UNSET]
+
+
+_CONTENTS: Final[dict[type, Callable[[Walk, Any], Any]]] = {
+    tuple: lambda walk, thing: ["tuple", walk.items(thing)],
+    list: lambda walk, thing: ["list", walk.items(thing)],
+    dict: _dict,
+    OrderedDict: _dict,
+    set: lambda walk, thing: ["set", walk.items(_in_order(thing))],
+    frozenset: lambda walk, thing: ["frozenset", walk.items(_in_order(thing))],
+    deque: lambda walk, thing: ["deque", thing.maxlen, walk.items(thing)],
+    bytearray: lambda _, thing: ["bytearray", bytes(thing)],
+    range: lambda _, thing: ["range", thing.start, thing.stop, thing.step],
+    Random: _random,
+    types.CellType: _cell,
+    types.MethodType: _method,
+    types.BuiltinMethodType: _method,
+    types.FunctionType: _function,
+    types.MappingProxyType: lambda walk, thing: ["view", walk.value(gc.get_referents(thing)[0])],
+    partial: lambda walk, thing: ["partial", walk.items([thing.func, thing.args, thing.keywords])],
+}
+_FIXED: Final = ("tuple", "record", "frozenset", "range", "method", "function", "partial", "view", "leaf")
+"""Kinds whose contents never change."""
+
+
+class Skeleton:
+    """The graph of a root that has just been made."""
+
+    def __init__(self, root: object, leaves: Iterable[object], opaque: tuple[type, ...]) -> None:
+        """Raise UnsavedError if it holds what has no form on disk."""
+        self._leaves = tuple(leaves)
+        self._opaque = opaque
+        self._root = root
+        self._walk = walk = Walk(self._leaves, opaque)
+        self._initial: list[bytes] = []
+        crc = 0
+        for _, contents in walk.told(root):
+            self._initial.append(_pack(contents))
+            crc = crc32(_pack(_shape(contents)), crc)
+        self.size = len(self._initial)
+        """Number of objects."""
+        self.digest = crc
+        """Check sum of the objects' kinds and classes, in their order."""
+
+    def state(self) -> bytes:
+        """Return what has changed since the skeleton was made, as octets. Raises UnsavedError."""
+        walk = Walk(self._leaves, self._opaque, self._walk)
+        changed: list[Any] = []
+        made: dict[int, Any] = {}
+        for number, contents in walk.told(self._root):
+            if number >= self.size:
+                if contents[0] in ("leaf", "cell") or (contents[0] == "function" and contents[3]):
+                    raise UnsavedError(f"{walk.path(number)} was made meanwhile and has no form on disk")
+                made[number] = contents
+            elif _pack(contents) != self._initial[number]:
+                if contents[0] in _FIXED:
+                    raise UnsavedError(f"{walk.path(number)} is another one than at the begin")
+                changed.append([number, contents])
+        return _pack([self.size, self.digest, changed, [made[number] for number in sorted(made)]])
+
+    def restore(self, data: bytes) -> None:
+        """Bring the root to the state in `data`. Raises UnfitError; then the root is of no use."""
+        try:
+            size, digest, changed, made = msgpack.unpackb(data, unicode_errors="surrogatepass", strict_map_key=False)
+        except Exception as error:
+            raise UnfitError(f"it is no msgpack of a state ({error})") from None
+        if (size, digest) != (self.size, self.digest):
+            raise UnfitError("it is of a robot that is put together in another way")
+        try:
+            _Restoration(self._walk.objects[:size], made).fill(changed)
+        except UnfitError:
+            raise
+        except Exception as error:
+            raise UnfitError(f"it does not fit ({type(error).__name__}: {error})") from None
+
+
+def _shape(contents: Any) -> Any:
+    """Return what two processes agree in: kind, class, and the numbers of the objects that are held."""
+    if contents[0] == "object":
+        return contents[:3] + [name for name, _ in contents[3]]
+    if contents[0] == "record":
+        return contents[:3]
+    return contents[:1] if contents[0] != "function" else contents[:3]
+
+
+class _Restoration:
+    """Makes objects from their contents."""
+
+    def __init__(self, skeleton: list[Any], made: list[Any]) -> None:
+        self._objects: list[Any] = [*skeleton, *([None] * len(made))]
+        self._size = len(skeleton)
+        self._made = made
+        self._whole = [True] * self._size + [False] * len(made)
+        for number, contents in enumerate(made, self._size):
+            self._shell(number, contents)
+
+    def _shell(self, number: int, contents: Any) -> None:
+        """Make an object whose contents may follow later."""
+        kind = contents[0]
+        if kind == "object":
+            made: Any = _class(contents[1], contents[2])
+            self._objects[number] = made.__new__(made)
+        elif kind in _SHELLS:
+            self._objects[number] = _SHELLS[kind](contents)
+        else:
+            return
+        self._whole[number] = True
+
+    def _value(self, told: Any) -> Any:
+        if type(told) is not list:
+            return told
+        head = told[0]
+        if type(head) is int:
+            return self._object(head)
+        match head:
+            case "symbol":
+                return Symbol(told[1])
+            case "robot":
+                return Robot(told[1])
+            case "int":
+                return int(told[1])
+            case "member":
+                return _class(told[1], told[2], enum.Enum)[told[3]]  # type: ignore[index]
+            case "class":
+                return _class(told[1], told[2])
+            case _:
+                raise UnfitError(f"it holds a value of the unknown kind {head!r}")
+
+    def _object(self, number: int) -> Any:
+        if not self._whole[number]:
+            self._objects[number] = self._fixed(self._made[number - self._size])
+            self._whole[number] = True
+        return self._objects[number]
+
+    def _fixed(self, contents: Any) -> Any:
+        """Make an object that never changes. Nested ones are told first, so that the recursion is as deep as they."""
+        kind = contents[0]
+        match kind:
+            case "tuple":
+                return tuple([self._value(item) for item in contents[1]])
+            case "record":
+                made: Any = _class(contents[1], contents[2], tuple)
+                return tuple.__new__(made, [self._value(item) for item in contents[3]])
+            case "frozenset":
+                return frozenset([self._value(item) for item in contents[1]])
+            case "range":
+                return range(*contents[1:])
+            case "method":
+                return getattr(self._value(contents[1]), contents[2])
+            case "function":
+                return _named(contents[1], contents[2])
+            case "view":
+                return types.MappingProxyType(self._value(contents[1]))
+            case "partial":
+                func, args, keywords = [self._value(item) for item in contents[1]]
+                return partial(func, *args, **keywords)
+            case _:
+                raise UnfitError(f"it holds an object of the unknown kind {kind!r}")
+
+    def fill(self, changed: list[Any]) -> None:
+        """Give all objects their contents: attributes first, for the hashes of keys depend on them."""
+        all_told = [*changed, *enumerate(self._made, self._size)]
+        for wanted in (("object",), ("list", "deque", "bytearray", "random", "cell"), ("dict", "ordered", "set")):
+            for number, contents in all_told:
+                if contents[0] in wanted:
+                    self._fill(self._object(number), contents)
+
+    def _fill(self, thing: Any, contents: Any) -> None:
+        match contents[0]:
+            case "object":
+                for name, told in contents[3]:
+                    _set_attribute(thing, name, told, self._value)
+            case "list":
+                thing[:] = [self._value(item) for item in contents[1]]
+            case "deque":
+                thing.clear()
+                thing.extend([self._value(item) for item in contents[2]])
+            case "bytearray":
+                thing[:] = contents[1]
+            case "random":
+                thing.setstate((contents[1], tuple(contents[2]), contents[3]))
+            case "cell":
+                thing.cell_contents = self._value(contents[1])
+            case "dict" | "ordered":
+                flat = contents[1]
+                thing.clear()
+                for place in range(0, len(flat), 2):
+                    thing[self._value(flat[place])] = self._value(flat[place + 1])
+            case "set":
+                thing.clear()
+                thing.update([self._value(item) for item in contents[1]])
+
+
+_SHELLS: Final[dict[str, Callable[[Any], Any]]] = {
+    "list": lambda _: [],
+    "dict": lambda _: {},
+    "ordered": lambda _: OrderedDict(),
+    "set": lambda _: set(),
+    "deque": lambda contents: deque(maxlen=contents[1]),
+    "bytearray": lambda _: bytearray(),
+    "random": lambda _: Random(0),
+}
+
+
+def _set_attribute(thing: Any, name: str, told: Any, value: Callable[[Any], Any]) -> None:
+    setter = object.__setattr__ if "__mypyc_attrs__" not in type(thing).__dict__ else setattr
+    if told != _UNSET:
+        setter(thing, name, value(told))
+    elif hasattr(thing, name):
+        object.__delattr__(thing, name)
+
+
+def _named(module: str, name: str) -> Any:
+    """Return what a module of rmr calls so. Raises UnfitError."""
+    if not module.startswith(PACKAGE):
+        raise UnfitError(f"it names {module}.{name}, which is not of rmr")
+    found: Any = sys.modules.get(module)
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    if found is None:
+        raise UnfitError(f"it names {module}.{name}, which is not there")
+    return found
+
+
+def _class(module: str, name: str, base: type = object) -> type:
+    found = _named(module, name)
+    if not isinstance(found, type) or not issubclass(found, base):
+        raise UnfitError(f"it takes {module}.{name} for a class")
+    return found
