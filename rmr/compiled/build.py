@@ -38,6 +38,7 @@ HOT = (
     "rmr/mind/durable_node.py",
     "rmr/mind/mind_format.py",
     "rmr/mind/mind_log.py",
+    "rmr/mind/port_gate.py",
     "rmr/mind/recorded_node.py",
     "rmr/node/*.py",
     "rmr/node/actions/*.py",

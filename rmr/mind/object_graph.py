@@ -20,7 +20,6 @@ of a robot has to list what it keeps.
 
 import enum
 import gc
-import sys
 import types
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
@@ -32,22 +31,19 @@ from zlib import crc32
 import msgpack  # type: ignore[import-untyped]
 
 from rmr.base.values import Robot, Symbol
+from rmr.mind.generated_functions import GeneratedFunctions
+from rmr.mind.graph_restoration import PACKAGE, UNSET, Restoration, UnfitError, named
 
-PACKAGE: Final = "rmr."
-"""Classes of which objects are made begin with it."""
 _ATOMS: Final = (type(None), bool, float, str, bytes)
+_CONTAINERS: Final = (tuple, list, dict, set, frozenset, deque, bytearray, str, int, float, bytes, Random)
+"""Types whose subclasses hold more than their attributes."""
 _INT_MIN: Final = -(1 << 63)
 _INT_END: Final = 1 << 64
-_UNSET: Final = ["unset"]
 _LEAF: Final = ["leaf"]
 
 
 class UnsavedError(Exception):
     """The state cannot be told; the message says which object is the reason, and by which path it is reached."""
-
-
-class UnfitError(ValueError):
-    """Octets are no graph state of this skeleton; the message says why."""
 
 
 def _pack(data: Any) -> bytes:
@@ -58,10 +54,17 @@ def _pack(data: Any) -> bytes:
 class Walk:
     """Numbers the objects that are reachable from a root, in the order in which they are found."""
 
-    def __init__(self, leaves: Iterable[object], opaque: tuple[type, ...], before: "Walk | None" = None) -> None:
+    def __init__(
+        self,
+        leaves: Iterable[object],
+        opaque: tuple[type, ...],
+        functions: GeneratedFunctions,
+        before: "Walk | None" = None,
+    ) -> None:
         """Neither `leaves` nor instances of `opaque` are looked into. Objects of `before` keep their numbers."""
         self._leaves = {id(leaf): leaf for leaf in leaves if leaf is not None}
         self._opaque = opaque
+        self.functions = functions
         self.numbers: dict[int, int] = {} if before is None else dict(before.numbers)
         self.objects: list[Any] = [] if before is None else list(before.objects)
         self._found_in: list[int] = [] if before is None else list(before._found_in)
@@ -119,7 +122,8 @@ class Walk:
             return tell(self, thing)
         if isinstance(thing, tuple) and hasattr(kind, "_fields"):
             return ["record", kind.__module__, kind.__qualname__, [self.value(item) for item in thing]]
-        if any(base.__module__.startswith(PACKAGE) for base in kind.__mro__[:2]):  # a class may be made at run time
+        of_rmr = any(base.__module__.startswith(PACKAGE) for base in kind.__mro__[:2])
+        if of_rmr and not isinstance(thing, _CONTAINERS):  # a class may be made at run time
             told = [self._attribute(thing, name) for name in self.slots(thing)]
             return ["object", kind.__module__, kind.__qualname__, told]
         raise UnsavedError(f"{self.path(number)} is a {kind.__module__}.{kind.__qualname__}, which has no form on disk")
@@ -136,7 +140,7 @@ class Walk:
         try:
             return [name, self.value(getattr(thing, name))]
         except AttributeError:
-            return [name, _UNSET]
+            return [name, UNSET]
 
     def path(self, number: int) -> str:
         """Return how an object is reached, in words."""
@@ -190,6 +194,8 @@ def _method(walk: Walk, thing: Any) -> Any:
 
 
 def _function(walk: Walk, thing: Any) -> Any:
+    if type(thing) is types.FunctionType and (name := walk.functions.name_of(thing)) is not None:
+        return ["generated", name]
     cells = getattr(thing, "__closure__", None) or ()
     module = getattr(thing, "__module__", None) or ""
     return ["function", module, thing.__qualname__, walk.items(cells)]
@@ -199,7 +205,7 @@ def _cell(walk: Walk, thing: Any) -> Any:
     try:
         return ["cell", walk.value(thing.cell_contents)]
     except ValueError:
-        return ["cell", _UNSET]
+        return ["cell", UNSET]
 
 
 _CONTENTS: Final[dict[type, Callable[[Walk, Any], Any]]] = {
@@ -220,19 +226,22 @@ _CONTENTS: Final[dict[type, Callable[[Walk, Any], Any]]] = {
     types.MappingProxyType: lambda walk, thing: ["view", walk.value(gc.get_referents(thing)[0])],
     partial: lambda walk, thing: ["partial", walk.items([thing.func, thing.args, thing.keywords])],
 }
-_FIXED: Final = ("tuple", "record", "frozenset", "range", "method", "function", "partial", "view", "leaf")
+_FIXED: Final = ("tuple", "record", "frozenset", "range", "method", "function", "partial", "view", "generated", "leaf")
 """Kinds whose contents never change."""
 
 
 class Skeleton:
     """The graph of a root that has just been made."""
 
-    def __init__(self, root: object, leaves: Iterable[object], opaque: tuple[type, ...]) -> None:
+    def __init__(
+        self, root: object, leaves: Iterable[object], opaque: tuple[type, ...], functions: GeneratedFunctions
+    ) -> None:
         """Raise UnsavedError if it holds what has no form on disk."""
         self._leaves = tuple(leaves)
         self._opaque = opaque
         self._root = root
-        self._walk = walk = Walk(self._leaves, opaque)
+        self._functions = functions
+        self._walk = walk = Walk(self._leaves, opaque, functions)
         self._initial: list[bytes] = []
         crc = 0
         for _, contents in walk.told(root):
@@ -245,12 +254,12 @@ class Skeleton:
 
     def state(self) -> bytes:
         """Return what has changed since the skeleton was made, as octets. Raises UnsavedError."""
-        walk = Walk(self._leaves, self._opaque, self._walk)
+        walk = Walk(self._leaves, self._opaque, self._functions, self._walk)
         changed: list[Any] = []
         made: dict[int, Any] = {}
         for number, contents in walk.told(self._root):
             if number >= self.size:
-                if contents[0] in ("leaf", "cell") or (contents[0] == "function" and contents[3]):
+                if contents[0] in ("leaf", "cell") or (contents[0] == "function" and not _is_named(walk, number)):
                     raise UnsavedError(f"{walk.path(number)} was made meanwhile and has no form on disk")
                 made[number] = contents
             elif _pack(contents) != self._initial[number]:
@@ -268,11 +277,20 @@ class Skeleton:
         if (size, digest) != (self.size, self.digest):
             raise UnfitError("it is of a robot that is put together in another way")
         try:
-            _Restoration(self._walk.objects[:size], made).fill(changed)
+            Restoration(self._walk.objects[:size], made, self._functions).fill(changed)
         except UnfitError:
             raise
         except Exception as error:
             raise UnfitError(f"it does not fit ({type(error).__name__}: {error})") from None
+
+
+def _is_named(walk: Walk, number: int) -> bool:
+    """Return whether a module of rmr has the function under its name."""
+    function = walk.objects[number]
+    try:
+        return named(getattr(function, "__module__", None) or "", function.__qualname__) is function
+    except UnfitError:
+        return False
 
 
 def _shape(contents: Any) -> Any:
@@ -282,149 +300,3 @@ def _shape(contents: Any) -> Any:
     if contents[0] == "record":
         return contents[:3]
     return contents[:1] if contents[0] != "function" else contents[:3]
-
-
-class _Restoration:
-    """Makes objects from their contents."""
-
-    def __init__(self, skeleton: list[Any], made: list[Any]) -> None:
-        self._objects: list[Any] = [*skeleton, *([None] * len(made))]
-        self._size = len(skeleton)
-        self._made = made
-        self._whole = [True] * self._size + [False] * len(made)
-        for number, contents in enumerate(made, self._size):
-            self._shell(number, contents)
-
-    def _shell(self, number: int, contents: Any) -> None:
-        """Make an object whose contents may follow later."""
-        kind = contents[0]
-        if kind == "object":
-            made: Any = _class(contents[1], contents[2])
-            self._objects[number] = made.__new__(made)
-        elif kind in _SHELLS:
-            self._objects[number] = _SHELLS[kind](contents)
-        else:
-            return
-        self._whole[number] = True
-
-    def _value(self, told: Any) -> Any:
-        if type(told) is not list:
-            return told
-        head = told[0]
-        if type(head) is int:
-            return self._object(head)
-        match head:
-            case "symbol":
-                return Symbol(told[1])
-            case "robot":
-                return Robot(told[1])
-            case "int":
-                return int(told[1])
-            case "member":
-                return _class(told[1], told[2], enum.Enum)[told[3]]  # type: ignore[index]
-            case "class":
-                return _class(told[1], told[2])
-            case _:
-                raise UnfitError(f"it holds a value of the unknown kind {head!r}")
-
-    def _object(self, number: int) -> Any:
-        if not self._whole[number]:
-            self._objects[number] = self._fixed(self._made[number - self._size])
-            self._whole[number] = True
-        return self._objects[number]
-
-    def _fixed(self, contents: Any) -> Any:
-        """Make an object that never changes. Nested ones are told first, so that the recursion is as deep as they."""
-        kind = contents[0]
-        match kind:
-            case "tuple":
-                return tuple([self._value(item) for item in contents[1]])
-            case "record":
-                made: Any = _class(contents[1], contents[2], tuple)
-                return tuple.__new__(made, [self._value(item) for item in contents[3]])
-            case "frozenset":
-                return frozenset([self._value(item) for item in contents[1]])
-            case "range":
-                return range(*contents[1:])
-            case "method":
-                return getattr(self._value(contents[1]), contents[2])
-            case "function":
-                return _named(contents[1], contents[2])
-            case "view":
-                return types.MappingProxyType(self._value(contents[1]))
-            case "partial":
-                func, args, keywords = [self._value(item) for item in contents[1]]
-                return partial(func, *args, **keywords)
-            case _:
-                raise UnfitError(f"it holds an object of the unknown kind {kind!r}")
-
-    def fill(self, changed: list[Any]) -> None:
-        """Give all objects their contents: attributes first, for the hashes of keys depend on them."""
-        all_told = [*changed, *enumerate(self._made, self._size)]
-        for wanted in (("object",), ("list", "deque", "bytearray", "random", "cell"), ("dict", "ordered", "set")):
-            for number, contents in all_told:
-                if contents[0] in wanted:
-                    self._fill(self._object(number), contents)
-
-    def _fill(self, thing: Any, contents: Any) -> None:
-        match contents[0]:
-            case "object":
-                for name, told in contents[3]:
-                    _set_attribute(thing, name, told, self._value)
-            case "list":
-                thing[:] = [self._value(item) for item in contents[1]]
-            case "deque":
-                thing.clear()
-                thing.extend([self._value(item) for item in contents[2]])
-            case "bytearray":
-                thing[:] = contents[1]
-            case "random":
-                thing.setstate((contents[1], tuple(contents[2]), contents[3]))
-            case "cell":
-                thing.cell_contents = self._value(contents[1])
-            case "dict" | "ordered":
-                flat = contents[1]
-                thing.clear()
-                for place in range(0, len(flat), 2):
-                    thing[self._value(flat[place])] = self._value(flat[place + 1])
-            case "set":
-                thing.clear()
-                thing.update([self._value(item) for item in contents[1]])
-
-
-_SHELLS: Final[dict[str, Callable[[Any], Any]]] = {
-    "list": lambda _: [],
-    "dict": lambda _: {},
-    "ordered": lambda _: OrderedDict(),
-    "set": lambda _: set(),
-    "deque": lambda contents: deque(maxlen=contents[1]),
-    "bytearray": lambda _: bytearray(),
-    "random": lambda _: Random(0),
-}
-
-
-def _set_attribute(thing: Any, name: str, told: Any, value: Callable[[Any], Any]) -> None:
-    setter = object.__setattr__ if "__mypyc_attrs__" not in type(thing).__dict__ else setattr
-    if told != _UNSET:
-        setter(thing, name, value(told))
-    elif hasattr(thing, name):
-        object.__delattr__(thing, name)
-
-
-def _named(module: str, name: str) -> Any:
-    """Return what a module of rmr calls so. Raises UnfitError."""
-    if not module.startswith(PACKAGE):
-        raise UnfitError(f"it names {module}.{name}, which is not of rmr")
-    found: Any = sys.modules.get(module)
-    for part in name.split("."):
-        found = getattr(found, part, None)
-    if found is None:
-        raise UnfitError(f"it names {module}.{name}, which is not there")
-    return found
-
-
-def _class(module: str, name: str, base: type = object) -> type:
-    found = _named(module, name)
-    if not isinstance(found, type) or not issubclass(found, base):
-        raise UnfitError(f"it takes {module}.{name} for a class")
-    return found

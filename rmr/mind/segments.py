@@ -5,7 +5,7 @@ damaged is passed over for the one before; before the first one there is the beg
 behind the very record that its header names.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from rmr.mind.journal import JournalError, JournalHeader, JournalRecord, ReadJournal, read_journal
@@ -89,8 +89,16 @@ def _segment(segments: Mapping[int, bytes], number: int, before: int | None) -> 
     return read
 
 
-def superfluous(segments: Mapping[int, object], snapshots: Mapping[int, object]) -> tuple[list[int], list[int]]:
-    """Return the numbers of the segments and snapshots before the two newest snapshots."""
-    kept = sorted(snapshots)[-KEPT:]
+def superfluous(segments: Iterable[int], snapshots: Mapping[int, bytes]) -> tuple[list[int], list[int]]:
+    """Return the numbers of the segments and snapshots before the two newest snapshots that are whole."""
+    kept = [number for number in sorted(snapshots) if _is_whole(snapshots[number])][-KEPT:]
     first = kept[0] if len(kept) == KEPT else 0
     return [each for each in sorted(segments) if each < first], [each for each in sorted(snapshots) if each < first]
+
+
+def _is_whole(data: bytes) -> bool:
+    try:
+        read_snapshot(data)
+    except SnapshotError:
+        return False
+    return True

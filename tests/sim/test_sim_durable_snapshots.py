@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from durable_campaign import campaign
 from lab_maker import small_lab
 from test_sim_durable import RING, facts, with_kills
 from test_sim_durable_actions import killed
@@ -108,3 +109,10 @@ def test_handlers_and_what_they_remember_go_on_from_snapshots(tmp_path):
     found, (behind, whole) = states(simulation, robot, archives[1])
     assert found.snapshot is not None
     assert behind == whole
+
+
+def test_a_campaign_of_kills_and_torn_snapshots_counts_nothing_wrong():
+    counts = campaign(range(1, 4))
+    assert [counts[f"{case}: right"] for case in ("ring", "coins", "bank")] == [3, 3, 3]
+    assert counts["restarts from a snapshot"] > 10
+    assert counts["snapshots passed over"] > 0

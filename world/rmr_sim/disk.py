@@ -39,6 +39,10 @@ class Disk:
         """The segments before it."""
         self.snapshots: dict[int, bytes] = {}
         """By the segments before which they are."""
+        self.from_snapshots = 0
+        """How often the robot has gone on from a snapshot."""
+        self.passed_over = 0
+        """Snapshots that were damaged when the robot went on."""
         self.take: Callable[[FoundState, int], Snapshot] | None = None
         """Takes the snapshot behind a state, before a segment."""
         self._chunks: list[bytes] = []
@@ -67,6 +71,8 @@ class Disk:
     def keep(self, found: FoundState) -> None:
         """Keep what could be read: so many octets of the last segment, and nothing behind it."""
         segments = self.segments
+        self.from_snapshots += found.snapshot is not None
+        self.passed_over += len(found.passed_over)
         self.number = found.last
         self.data = segments.get(found.last, b"")[: found.whole]
         self.closed = {number: data for number, data in segments.items() if number < found.last}
