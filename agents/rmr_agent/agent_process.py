@@ -23,8 +23,8 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
-from rmr_agent.robot import RobotSetup
 from rmr_agent.robot_process import live
+from rmr_agent.robot_setup import RobotSetup
 from rmr_agent.state_folder import StateFolder
 
 

@@ -15,7 +15,7 @@ import logging
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from rmr.mind.journal import SEGMENT_OCTETS, DurableState, Journal, JournalError, JournalHeader
 from rmr.mind.mind_header import decode_header, encode_header
@@ -45,6 +45,9 @@ DURABILITIES: Final = ("process", "power")
 ANEW: Final = "begin anew with an empty folder"
 
 log = logging.getLogger("rmr")
+
+
+T = TypeVar("T")
 
 
 class StateRefusedError(RefusedError):
@@ -213,6 +216,36 @@ class StateFolder:
         found = self.found
         state = None if found.snapshot is None else found.snapshot.state
         return self.config or config, DurableState(self._journal(header), found.records, snapshot=state)
+
+    def go_on(self, header: JournalHeader, config: NodeConfig, make: Callable[[NodeConfig, DurableState], T]) -> T:
+        """Return what `make` makes of the state as `taken_up` returns it.
+
+        If a snapshot does not lead to what is recorded behind it, it is passed over for the one before, too. Raises
+        StateRefusedError as `taken_up` does, and JournalError if the robot cannot go on from any.
+        """
+        while True:
+            own, state = self.taken_up(header, config)
+            try:
+                return make(own, state)
+            except JournalError as error:
+                if not self._pass_over(str(error)):
+                    raise
+
+    def _pass_over(self, why: str) -> bool:
+        """Remove the snapshot that was used, and look for the one before; return False if there is none."""
+        snapshot = self.found.snapshot
+        snapshots = read_files(self.path, SNAPSHOTS)
+        if snapshot is None or snapshots.pop(snapshot.segment, None) is None:
+            return False
+        try:
+            found = find_state(read_files(self.path, SEGMENTS), snapshots)
+        except JournalError:
+            return False
+        self.found = found._replace(passed_over=((snapshot.segment, why), *found.passed_over))
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+        return True
 
     def _journal(self, header: JournalHeader) -> Journal:
         """Return the journal behind what could be read; `header` begins it if there is none.
