@@ -19,7 +19,7 @@ from typing import Final, TypeVar
 
 from rmr.mind.journal import SEGMENT_OCTETS, DurableState, Journal, JournalError, JournalHeader
 from rmr.mind.mind_header import decode_header, encode_header
-from rmr.mind.mind_versions import differences
+from rmr.mind.mind_versions import differences, is_compiled
 from rmr.mind.segments import NEW, FoundState, find_state
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import NodeConfig
@@ -131,11 +131,11 @@ class StateFolder:
         """Take the folder of `robot`, which runs the `program` of this digest. Raises StateRefusedError.
 
         `octets` are the program. A snapshot is taken each time that the journal has grown by `segment_octets`; without
-        a program, or at 0, there are none.
+        a program, or at 0, or where rmr is compiled, there are none.
         """
         self.path = path
         self._octets = octets
-        self._segment_octets = segment_octets if octets else 0
+        self._segment_octets = segment_octets if octets and not is_compiled() else 0
         self._taker = SnapshotTaker(path, robot)
         self._robot = robot
         self._program = program

@@ -36,6 +36,7 @@ from rmr.mind.generated_functions import GeneratedFunctions
 from rmr.mind.graph_restoration import UnfitError
 from rmr.mind.journal import CALLS, HEADER, RESUMED, Journal, JournalError, JournalRecord
 from rmr.mind.mind_reader import MindCall, MindLogError, calls_of
+from rmr.mind.mind_versions import is_compiled
 from rmr.mind.object_graph import Skeleton
 from rmr.mind.port_gate import PortGate
 from rmr.mind.recorded_node import RecordedNode
@@ -120,6 +121,8 @@ class DurableNode(RecordedNode):
 
     @staticmethod
     def _restore(skeleton: Skeleton, snapshot: bytes) -> None:
+        if is_compiled():  # an object of a compiled class is never made without its constructor
+            raise JournalError("its snapshot was taken by an rmr that is not compiled; set RMR_COMPILED= to go on")
         try:
             skeleton.restore(snapshot)
         except UnfitError as error:

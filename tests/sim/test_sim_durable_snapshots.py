@@ -9,12 +9,16 @@ from test_sim_durable import RING, facts, with_kills
 from test_sim_durable_actions import killed
 
 from rmr.mind.journal import read_journal
+from rmr.mind.mind_versions import is_compiled
 from rmr.mind.segments import find_state
 from rmr.mind.snapshot import shadow_of
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 
-pytestmark = pytest.mark.medium
+pytestmark = [
+    pytest.mark.medium,
+    pytest.mark.skipif(is_compiled(), reason="where rmr is compiled there are no snapshots"),
+]
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 SEGMENT_OCTETS = 1700

@@ -3,8 +3,8 @@
 What was written survives the end of the process, and what was synced a loss of power, too. The record that was being
 written when the robot died is torn: a part of its octets is there, drawn from the stream ``SEED/robotN/disk``.
 
-When a segment of the journal is closed, a snapshot is taken at once (`rmr.mind.snapshot`). Of seven one is not, and one
-is torn, as if what takes it had died: drawn from ``SEED/robotN/snapshots``.
+When a segment of the journal is closed, a snapshot is taken at once (`rmr.mind.snapshot`), where rmr is not compiled.
+Of seven one is not taken, and one is torn, as if what takes it had died: drawn from ``SEED/robotN/snapshots``.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,6 +16,7 @@ from rmr.bytecode.program import Program
 from rmr.mind.durable_node import DurableNode
 from rmr.mind.journal import SEGMENT_OCTETS, Journal, JournalHeader
 from rmr.mind.mind_header import decode_header, encode_header
+from rmr.mind.mind_versions import is_compiled
 from rmr.mind.segments import FoundState, find_state, superfluous
 from rmr.mind.snapshot import Snapshot, taken_snapshot
 from rmr.node.actions.dispatcher import Handler
@@ -118,7 +119,7 @@ def durable_node(
     found = find_state(disk.segments, disk.snapshots)
     disk.keep(found)
     header = found.header
-    disk.take = partial(_taken, program)
+    disk.take = None if is_compiled() else partial(_taken, program)
     journal = Journal(
         disk,
         synced=synced,

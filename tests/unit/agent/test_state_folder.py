@@ -277,6 +277,7 @@ def test_a_snapshot_that_does_not_lead_to_what_is_recorded_is_passed_over_for_th
 
 
 @pytest.mark.medium
+@pytest.mark.skipif(mind_versions.is_compiled(), reason="where rmr is compiled there are no snapshots")
 def test_a_snapshot_that_cannot_be_taken_is_told_once_and_the_journal_stays(tmp_path, caplog):
     folder = StateFolder(tmp_path, 4, 7, "process", b"no program", 1)
     journal = begun_journal(folder)

@@ -11,9 +11,12 @@ from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol
 from rmr.mind.generated_functions import GeneratedFunctions
 from rmr.mind.graph_restoration import UnfitError
+from rmr.mind.mind_versions import is_compiled
 from rmr.mind.object_graph import Skeleton, UnsavedError
 from rmr.node.actions.handle import Pause
 from rmr.node.trace import TraceLevel
+
+pytestmark = pytest.mark.skipif(is_compiled(), reason="where rmr is compiled there are no snapshots")
 
 
 class Root:
