@@ -33,7 +33,7 @@ from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.durable_actions import DurableActions
 from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import UnfitError
+from rmr.mind.graph_restoration import GraphMismatchError
 from rmr.mind.journal import CALLS, HEADER, RESUMED, Journal, JournalError, JournalRecord
 from rmr.mind.mind_reader import MindCall, MindLogError, calls_of
 from rmr.mind.mind_versions import is_compiled
@@ -125,7 +125,7 @@ class DurableNode(RecordedNode):
             raise JournalError("its snapshot was taken by an rmr that is not compiled; set RMR_COMPILED= to go on")
         try:
             skeleton.restore(snapshot)
-        except UnfitError as error:
+        except GraphMismatchError as error:
             raise JournalError(f"its snapshot does not fit: {error}") from None
 
     # -- bringing back --------------------------------------------------------------------------------------------

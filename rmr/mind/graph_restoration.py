@@ -22,7 +22,7 @@ UNSET: Final = ["unset"]
 """The value of an attribute that an object does not have."""
 
 
-class UnfitError(ValueError):
+class GraphMismatchError(ValueError):
     """Octets are no graph state of this skeleton; the message says why."""
 
 
@@ -68,7 +68,7 @@ class Restoration:
             case "class":
                 return _class(told[1], told[2])
             case _:
-                raise UnfitError(f"it holds a value of the unknown kind {head!r}")
+                raise GraphMismatchError(f"it holds a value of the unknown kind {head!r}")
 
     def _object(self, number: int) -> Any:
         if not self._whole[number]:
@@ -98,13 +98,13 @@ class Restoration:
             case "generated":
                 function = self._functions.function(contents[1])
                 if function is None:
-                    raise UnfitError(f"it names a function {contents[1]} that the program does not have")
+                    raise GraphMismatchError(f"it names a function {contents[1]} that the program does not have")
                 return function
             case "partial":
                 func, args, keywords = [self._value(item) for item in contents[1]]
                 return partial(func, *args, **keywords)
             case _:
-                raise UnfitError(f"it holds an object of the unknown kind {kind!r}")
+                raise GraphMismatchError(f"it holds an object of the unknown kind {kind!r}")
 
     def fill(self, changed: list[Any]) -> None:
         """Give all objects their contents: attributes first, for the hashes of keys depend on them."""
@@ -160,19 +160,19 @@ def _set_attribute(thing: Any, name: str, told: Any, value: Callable[[Any], Any]
 
 
 def named(module: str, name: str) -> Any:
-    """Return what a module of rmr calls so. Raises UnfitError."""
+    """Return what a module of rmr calls so. Raises GraphMismatchError."""
     if not module.startswith(PACKAGE):
-        raise UnfitError(f"it names {module}.{name}, which is not of rmr")
+        raise GraphMismatchError(f"it names {module}.{name}, which is not of rmr")
     found: Any = sys.modules.get(module)
     for part in name.split("."):
         found = getattr(found, part, None)
     if found is None:
-        raise UnfitError(f"it names {module}.{name}, which is not there")
+        raise GraphMismatchError(f"it names {module}.{name}, which is not there")
     return found
 
 
 def _class(module: str, name: str, base: type = object) -> type:
     found = named(module, name)
     if not isinstance(found, type) or not issubclass(found, base):
-        raise UnfitError(f"it takes {module}.{name} for a class")
+        raise GraphMismatchError(f"it takes {module}.{name} for a class")
     return found

@@ -32,7 +32,7 @@ import msgpack  # type: ignore[import-untyped]
 
 from rmr.base.values import Robot, Symbol
 from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import PACKAGE, UNSET, Restoration, UnfitError, named
+from rmr.mind.graph_restoration import PACKAGE, UNSET, GraphMismatchError, Restoration, named
 
 _ATOMS: Final = (type(None), bool, float, str, bytes)
 _CONTAINERS: Final = (tuple, list, dict, set, frozenset, deque, bytearray, str, int, float, bytes, Random)
@@ -51,7 +51,7 @@ def _pack(data: Any) -> bytes:
     return packed
 
 
-class Walk:
+class GraphWalk:
     """Numbers the objects that are reachable from a root, in the order in which they are found."""
 
     def __init__(
@@ -59,7 +59,7 @@ class Walk:
         leaves: Iterable[object],
         opaque: tuple[type, ...],
         functions: GeneratedFunctions,
-        before: "Walk | None" = None,
+        before: "GraphWalk | None" = None,
     ) -> None:
         """Neither `leaves` nor instances of `opaque` are looked into. Objects of `before` keep their numbers."""
         self._leaves = {id(leaf): leaf for leaf in leaves if leaf is not None}
@@ -173,7 +173,7 @@ def _in_order(things: Iterable[Any]) -> list[Any]:
     return sorted(things, key=repr)
 
 
-def _dict(walk: Walk, thing: Any) -> Any:
+def _dict(walk: GraphWalk, thing: Any) -> Any:
     flat: list[Any] = []
     for key, value in thing.items():
         flat.append(walk.value(key))
@@ -181,19 +181,19 @@ def _dict(walk: Walk, thing: Any) -> Any:
     return ["dict" if type(thing) is dict else "ordered", flat]
 
 
-def _random(_: Walk, thing: Random) -> Any:
+def _random(_: GraphWalk, thing: Random) -> Any:
     version, numbers, gauss = thing.getstate()
     return ["random", version, list(numbers), gauss]
 
 
-def _method(walk: Walk, thing: Any) -> Any:
+def _method(walk: GraphWalk, thing: Any) -> Any:
     owner = thing.__self__
     if owner is None or isinstance(owner, types.ModuleType):
         return _function(walk, thing)
     return ["method", walk.value(owner), thing.__name__]
 
 
-def _function(walk: Walk, thing: Any) -> Any:
+def _function(walk: GraphWalk, thing: Any) -> Any:
     if type(thing) is types.FunctionType and (name := walk.functions.name_of(thing)) is not None:
         return ["generated", name]
     cells = getattr(thing, "__closure__", None) or ()
@@ -201,14 +201,14 @@ def _function(walk: Walk, thing: Any) -> Any:
     return ["function", module, thing.__qualname__, walk.items(cells)]
 
 
-def _cell(walk: Walk, thing: Any) -> Any:
+def _cell(walk: GraphWalk, thing: Any) -> Any:
     try:
         return ["cell", walk.value(thing.cell_contents)]
     except ValueError:
         return ["cell", UNSET]
 
 
-_CONTENTS: Final[dict[type, Callable[[Walk, Any], Any]]] = {
+_CONTENTS: Final[dict[type, Callable[[GraphWalk, Any], Any]]] = {
     tuple: lambda walk, thing: ["tuple", walk.items(thing)],
     list: lambda walk, thing: ["list", walk.items(thing)],
     dict: _dict,
@@ -241,7 +241,7 @@ class Skeleton:
         self._opaque = opaque
         self._root = root
         self._functions = functions
-        self._walk = walk = Walk(self._leaves, opaque, functions)
+        self._walk = walk = GraphWalk(self._leaves, opaque, functions)
         self._initial: list[bytes] = []
         crc = 0
         for _, contents in walk.told(root):
@@ -254,7 +254,7 @@ class Skeleton:
 
     def state(self) -> bytes:
         """Return what has changed since the skeleton was made, as octets. Raises UnsavedError."""
-        walk = Walk(self._leaves, self._opaque, self._functions, self._walk)
+        walk = GraphWalk(self._leaves, self._opaque, self._functions, self._walk)
         changed: list[Any] = []
         made: dict[int, Any] = {}
         for number, contents in walk.told(self._root):
@@ -269,27 +269,27 @@ class Skeleton:
         return _pack([self.size, self.digest, changed, [made[number] for number in sorted(made)]])
 
     def restore(self, data: bytes) -> None:
-        """Bring the root to the state in `data`. Raises UnfitError; then the root is of no use."""
+        """Bring the root to the state in `data`. Raises GraphMismatchError; then the root is of no use."""
         try:
             size, digest, changed, made = msgpack.unpackb(data, unicode_errors="surrogatepass", strict_map_key=False)
         except Exception as error:
-            raise UnfitError(f"it is no msgpack of a state ({error})") from None
+            raise GraphMismatchError(f"it is no msgpack of a state ({error})") from None
         if (size, digest) != (self.size, self.digest):
-            raise UnfitError("it is of a robot that is put together in another way")
+            raise GraphMismatchError("it is of a robot that is put together in another way")
         try:
             Restoration(self._walk.objects[:size], made, self._functions).fill(changed)
-        except UnfitError:
+        except GraphMismatchError:
             raise
         except Exception as error:
-            raise UnfitError(f"it does not fit ({type(error).__name__}: {error})") from None
+            raise GraphMismatchError(f"it does not fit ({type(error).__name__}: {error})") from None
 
 
-def _is_named(walk: Walk, number: int) -> bool:
+def _is_named(walk: GraphWalk, number: int) -> bool:
     """Return whether a module of rmr has the function under its name."""
     function = walk.objects[number]
     try:
         return named(getattr(function, "__module__", None) or "", function.__qualname__) is function
-    except UnfitError:
+    except GraphMismatchError:
         return False
 
 

@@ -11,7 +11,7 @@ from rmr.base.time import milliseconds
 from rmr.base.values import Symbol
 from rmr.bytecode.provided import ACTIONS
 from rmr.node.actions.dispatcher import Handler
-from rmr.node.actions.drives import GoTo, LineUp, MoveTo, Reach
+from rmr.node.actions.drives import GoTo, LineUp, MoveTo, ReachDrive
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, pause_of
 from rmr.node.actions.node_handle import ActionSteps, LocatedSteps, NodeHandle
 
@@ -19,7 +19,7 @@ FAILURE_REPEATS: Final = 3
 """Copies of a failure broadcast, which is not acknowledged: at 20 % loss one of three arrives in 99 of 100 cases."""
 
 
-class Face(LocatedSteps):
+class FaceSteps(LocatedSteps):
     """A turn on the spot."""
 
     __slots__ = ("_degrees",)
@@ -46,9 +46,9 @@ class Face(LocatedSteps):
         return None
 
 
-def face(robot: NodeHandle, degrees: float) -> Face:
+def face(robot: NodeHandle, degrees: float) -> FaceSteps:
     """Turn to a heading, degrees counter-clockwise from the x axis."""
-    return Face(robot, degrees)
+    return FaceSteps(robot, degrees)
 
 
 def moveto(robot: NodeHandle, area_name: str) -> MoveTo:
@@ -74,20 +74,20 @@ def goto(robot: NodeHandle, x: float, y: float) -> GoTo:
     return GoTo(robot, x, y)
 
 
-def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> Reach:
+def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> ReachDrive:
     """Drive straight to a point of the floor, metres, leaving and arriving at instants of lab time, seconds.
 
     It turns before it leaves. Several robots that do so keep apart on certain conditions
     (`rmr.node.motion.straight_drive`).
     """
-    return Reach(robot, x, y, begins_s, ends_s)
+    return ReachDrive(robot, x, y, begins_s, ends_s)
 
 
 async def stop(_robot: NodeHandle) -> None:
     """Stop the wheels; the dispatcher has done so already."""
 
 
-class Broadcast(ActionSteps):
+class BroadcastSteps(ActionSteps):
     """Copies of a failure broadcast."""
 
     __slots__ = ("_left",)
@@ -106,12 +106,12 @@ class Broadcast(ActionSteps):
         return Pause(node.now + milliseconds(100))
 
 
-def broadcast(robot: NodeHandle) -> Broadcast:
+def broadcast(robot: NodeHandle) -> BroadcastSteps:
     """Tell every robot in range that a deadline was missed (paper III.E)."""
-    return Broadcast(robot)
+    return BroadcastSteps(robot)
 
 
-class Wait(ActionSteps):
+class WaitSteps(ActionSteps):
     """Time that passes."""
 
     __slots__ = ("_begun", "_duration_s")
@@ -132,9 +132,9 @@ class Wait(ActionSteps):
             raise ActionFailed(str(error)) from None
 
 
-def wait(robot: RobotHandle, duration_s: float) -> Wait:
+def wait(robot: RobotHandle, duration_s: float) -> WaitSteps:
     """Let time pass, seconds. Raises ActionFailed below 0 and for what is not finite."""
-    return Wait(robot, duration_s)
+    return WaitSteps(robot, duration_s)
 
 
 async def say(robot: NodeHandle, text: str) -> None:

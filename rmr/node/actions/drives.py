@@ -225,7 +225,7 @@ class GoTo(Drive):
         return len(off_goal(parked, self._point, node.arena.shape.radius)) < len(parked)
 
 
-class Reach(LocatedSteps):
+class ReachDrive(LocatedSteps):
     """A straight drive by the clock."""
 
     __slots__ = ("_begins", "_ends", "_goal", "_overdue", "_pose", "_start", "_straight")

@@ -10,7 +10,7 @@ from rmr.base.geometry import Point
 from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol
 from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import UnfitError
+from rmr.mind.graph_restoration import GraphMismatchError
 from rmr.mind.mind_versions import is_compiled
 from rmr.mind.object_graph import Skeleton, UnsavedError
 from rmr.node.actions.handle import Pause
@@ -127,7 +127,7 @@ def test_octets_that_name_what_is_not_of_rmr_are_refused(made, why):
     saved = skeleton(root)
     number = saved._walk.numbers[id(root.known)]
     data = msgpack.packb([saved.size, saved.digest, [[number, ["dict", ["x", [saved.size]]]]], made])
-    with pytest.raises(UnfitError, match=why):
+    with pytest.raises(GraphMismatchError, match=why):
         saved.restore(data)
     assert root.known == {}
 
@@ -136,7 +136,7 @@ def test_the_state_of_another_skeleton_is_refused():
     state = skeleton(Root()).state()
     other = Root()
     other.known["x"] = []
-    with pytest.raises(UnfitError, match="put together in another way"):
+    with pytest.raises(GraphMismatchError, match="put together in another way"):
         skeleton(other).restore(state)
-    with pytest.raises(UnfitError, match="no msgpack of a state"):
+    with pytest.raises(GraphMismatchError, match="no msgpack of a state"):
         skeleton(Root()).restore(state[:-1])
