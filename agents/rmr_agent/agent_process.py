@@ -23,8 +23,8 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
-from rmr_agent.robot import RobotSetup
 from rmr_agent.robot_process import live
+from rmr_agent.robot_setup import RobotSetup
 from rmr_agent.state_folder import StateFolder
 
 
@@ -46,14 +46,19 @@ def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolde
         raise RefusedError("--state needs a program: the state of a robot belongs to the program that it began with")
     several = len(options.id) > 1
     folders = {robot: options.state / str(robot) if several else options.state for robot in options.id}
-    return {robot: StateFolder(path, robot, loaded.digest, options.durability) for robot, path in folders.items()}
+    own = (options.durability, loaded.octets, options.snapshots << 10)
+    return {robot: StateFolder(path, robot, loaded.digest, *own) for robot, path in folders.items()}
 
 
 async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
     recorder = None if options.record is None else ProcessRecorder(options.record, f"robots-{spelled(options.id)}")
-    await live(options.id, options.connect, options.lab, setup, ending, secret, recorder)
+    try:
+        await live(options.id, options.connect, options.lab, setup, ending, secret, recorder)
+    finally:
+        for folder in setup.states.values():
+            folder.close()
 
 
 def perform(options: argparse.Namespace) -> int:

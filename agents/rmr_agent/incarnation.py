@@ -202,9 +202,8 @@ class Incarnation:
         ports = Ports(self.link, self.body, self._spent)
         self.node: Node
         if state is not None:
-            self.node = DurableNode(
-                config, loaded.program, ports, handlers, loaded.digest, state.journal, state.stored, state.noted
-            )
+            own = (state.journal, state.stored, state.noted, state.snapshot)
+            self.node = DurableNode(config, loaded.program, ports, handlers, loaded.digest, *own)
         elif minds is None:
             self.node = Node(config, loaded.program, ports, handlers, loaded.digest)
         else:

@@ -31,6 +31,17 @@ def command() -> "Command":
     )
 
 
+SNAPSHOTS_KIB_MAX = 1 << 20
+"""Longest segment of a journal, KiB: it is read into memory at a restart."""
+
+
+def _kib(text: str) -> int:
+    """Return a number of KiB: the reader of an option. Raises ValueError."""
+    if not text.isascii() or not text.isdigit() or int(text) > SNAPSHOTS_KIB_MAX:
+        raise ValueError(f"give a whole number of KiB, 0 to {SNAPSHOTS_KIB_MAX}")
+    return int(text)
+
+
 def _declare(parser: "Parser") -> None:
     from rmr.base.ids import listed
     from rmr.bus.endpoint import DEFAULT_ENDPOINT, read_endpoint
@@ -67,6 +78,13 @@ def _declare(parser: "Parser") -> None:
         ("process", "power"),
         default="process",
         help="what the state survives: the end of the process, or a loss of power, too",
+    )
+    parser.option(
+        "--snapshots",
+        read=_kib,
+        default=1024,
+        metavar="KIB",
+        help="take a snapshot of the state each time that its journal has grown by this (default: 1024; 0: none)",
     )
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the robots; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")

@@ -15,9 +15,7 @@ import contextlib
 import logging
 import random
 import time
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, WORLD_ROLE, Keys
@@ -26,16 +24,17 @@ from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
-from rmr.mind.journal import JournalError
-from rmr.node.actions.dispatcher import Handler
+from rmr.mind.journal import DurableState, JournalError
+from rmr.node.config import NodeConfig
 from rmr.node.report import progress, robot_report
-from rmr_agent.bytecode import Loaded, RefusedError
+from rmr_agent.bytecode import RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
 from rmr_agent.local_air import LocalAir
 from rmr_agent.radio_security import make_security
 from rmr_agent.robot_recording import RobotRecording
-from rmr_agent.state_folder import StateFolder, StateFullError, begun_header
+from rmr_agent.robot_setup import RobotSetup
+from rmr_agent.state_folder import StateFullError, begun_header
 from rmr_agent.status_publisher import StatusPublisher
 from rmr_agent.trace_words import failure_words
 
@@ -71,19 +70,6 @@ FAILURES_MAX = 20
 """Bound of the different action failures shown on standard error; the log has them all."""
 
 log = logging.getLogger("rmr")
-
-
-class RobotSetup(NamedTuple):
-    """The settings of a robot process; everything else comes from its world."""
-
-    loaded: Loaded
-    """Without octets: the robots wait for their first program."""
-    fresh: Callable[[], dict[str, Handler]]
-    """Returns handlers for one incarnation of one robot, which has the globals of the user's file to itself."""
-    key: bytes | None
-    """Of the radio; None where the lab's is open."""
-    states: Mapping[int, StateFolder] = MappingProxyType({})
-    """The folders of the robots that are durable."""
 
 
 class HostedRobot:
@@ -230,15 +216,18 @@ class HostedRobot:
                 lambda body: self._bus.publish(self._keys.load(OPERATOR), body),
             )
             handlers = fresh()
-            state = None
-            if (folder := self._setup.states.get(self._robot)) is not None:
-                header = begun_header(config, loaded, handlers, station.payload_max, known.lab, envelope.run)
-                config, state = folder.taken_up(header, config)
             # The log of a mind begins with its program: a robot that has waited for one is not recorded.
             minds = None if configure else self._recording.open(known, envelope.run, self._clock)
-            self._incarnation = Incarnation(
-                config, loaded, handlers, station, self._clock, send, self._fail, minds, state, configure
-            )
+
+            def made(own: NodeConfig, state: DurableState | None = None) -> Incarnation:
+                rest = (self._clock, send, self._fail, minds, state, configure)
+                return Incarnation(own, loaded, handlers, station, *rest)
+
+            if (folder := self._setup.states.get(self._robot)) is None:
+                self._incarnation = made(config)
+            else:
+                header = begun_header(config, loaded, handlers, station.payload_max, known.lab, envelope.run)
+                self._incarnation = folder.go_on(header, config, made)
         except (RefusedError, JournalError) as error:
             self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return

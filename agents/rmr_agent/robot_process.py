@@ -14,7 +14,8 @@ from rmr.bus.process import Ending, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there, watch_admission
-from rmr_agent.robot import SAY_AGAIN_S, HostedRobot, RobotSetup
+from rmr_agent.robot import SAY_AGAIN_S, HostedRobot
+from rmr_agent.robot_setup import RobotSetup
 
 log = logging.getLogger("rmr")
 

@@ -38,6 +38,7 @@ HOT = (
     "rmr/mind/durable_node.py",
     "rmr/mind/mind_format.py",
     "rmr/mind/mind_log.py",
+    "rmr/mind/port_gate.py",
     "rmr/mind/recorded_node.py",
     "rmr/node/*.py",
     "rmr/node/actions/*.py",
@@ -69,6 +70,8 @@ INTERPRETED = {
     "rmr/radio/settings.py": "a table that commands and schema read, with whole numbers where those write them",
     "rmr/node/actions/handle.py": "a handler meets the same coroutines and classes in both forms",
     "rmr/node/actions/built_in.py": "the same",
+    "rmr/node/actions/drives.py": "the same",
+    "rmr/node/actions/node_handle.py": "the same",
     "rmr/node/actions/user_file.py": "runs once, on a user's file",
 }
 """What HOT names and is not compiled, and why."""

@@ -11,9 +11,9 @@ from rmr.base.time import Duration, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Kind, Program
 from rmr.eval.given import Failing
-from rmr.node.actions.built_in import FAILURE_REPEATS, NodeHandle
+from rmr.node.actions.built_in import FAILURE_REPEATS, wait
 from rmr.node.actions.dispatcher import ActionFailed, Handler, RobotHandle
-from rmr.node.actions.handle import wait
+from rmr.node.actions.node_handle import NodeHandle
 from rmr.vm.match import pattern_agrees
 
 WAIT = "wait"

@@ -55,7 +55,9 @@ THROW: Final = "throw"
 """Number of the step into which an exception is raised."""
 STOP: Final = "stop"
 """Number of the step that is broken off."""
-DONE: Final = (DRIVE, HALT, INSERT, WITHDRAW, TRACE, STEP, NEXT, THROW, STOP)
+STATE: Final = "state"
+"""What `robot.state` is now (`kept_state`); only of durable robots."""
+DONE: Final = (DRIVE, HALT, INSERT, WITHDRAW, TRACE, STEP, NEXT, THROW, STOP, STATE)
 """What a handler may do to its robot."""
 
 _EXACT: Final = (bool, int, float, str, Symbol, Robot)

@@ -12,19 +12,20 @@ This module is never compiled, like the modules of handlers (`rmr.node.actions.h
 
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.mind import action_steps as steps
+from rmr.mind.kept_state import KeptRun, StateKeeper
 from rmr.mind.mind_format import ACTED
 from rmr.mind.mind_log import MindLog
 from rmr.mind.recorded_actions import ActionNumbers, RecordedRun
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.mind.replayed_actions import LOST, ReplayedAction
-from rmr.node.actions.built_in import NodeHandle
 from rmr.node.actions.dispatcher import Handler, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause
+from rmr.node.actions.node_handle import NodeHandle
 
 INTERRUPTED: Final = "interrupted: the robot was started again"
 """The failure of an action that was under way when the robot died."""
@@ -37,6 +38,7 @@ class DurableActions:
         self._program = program
         self._feed = feed
         self._numbers = ActionNumbers()
+        self._kept = StateKeeper()
         self._log: MindLog | None = None
         self._commit: Callable[[], None] = lambda: None
         self.live = False
@@ -53,10 +55,12 @@ class DurableActions:
 
     def handlers(self, handlers: Mapping[str, Handler]) -> dict[str, Handler]:
         """Return `handlers` with each one's actions durable."""
-        return {name: replace(handler, run=DurableRun(self, handler)) for name, handler in handlers.items()}
+        ordered = sorted(handlers.items())  # in whatever order the user's file has registered them
+        return {name: replace(handler, run=DurableRun(self, handler)) for name, handler in ordered}
 
-    def go_live(self) -> None:
-        """Execute handlers from now on."""
+    def go_live(self, state: dict[str, Any]) -> None:
+        """Execute handlers from now on; `state` is what they remember."""
+        self._kept.go_on(state)
         for _ in range(self._feed.actions):
             self._numbers.take()
         self.live = True
@@ -84,7 +88,7 @@ class DurableActions:
         assert self._log is not None
         self.acted = True
         if self.live:
-            run = _CommittedRun(handler.run, self._commit)
+            run = _CommittedRun(handler.run, self._commit, self._kept)
             return RecordedRun(replace(handler, run=run), self._numbers, self._log)(robot, *args)
         action = ReplayedAction(self._feed.actions, self._feed, robot)
         self._feed.actions += 1
@@ -92,20 +96,26 @@ class DurableActions:
 
 
 class _CommittedRun:
-    """A handler's function that is called once its begin is on disk."""
+    """A handler's function that is called once its begin is on disk, and whose robot's state is kept."""
 
-    def __init__(self, run: Callable[..., Awaitable[None]], commit: Callable[[], None]) -> None:
+    def __init__(self, run: Callable[..., Awaitable[None]], commit: Callable[[], None], kept: StateKeeper) -> None:
         self._run = run
         self._commit = commit
+        self._kept = kept
 
     @property
     def __code__(self) -> Any:
         """The code of the handler's own function, by which its file is known."""
         return self._run.__code__
 
-    def __call__(self, *args: Any) -> Awaitable[None]:
+    def __call__(self, robot: NodeHandle, *args: Any) -> Awaitable[None]:
+        services: Any = robot.node
         self._commit()
-        return self._run(*args)
+        begun = self._run(robot, *args)
+        if not isinstance(begun, Awaitable):
+            return begun
+        run: Any = KeptRun(begun, lambda: self._kept.log(services.state, services.log))
+        return cast(Awaitable[None], run)
 
 
 class DurableRun:

@@ -9,6 +9,9 @@ place in a passage, its jobs and deadlines, and the numbers of its deliveries.
     bring    the recorded calls run with inputs from the journal; what they send goes nowhere
     resume   a mark is written; actions of users that were under way are interrupted (`durable_actions`)
 
+A *shadow* is a node that is brought back to the end of a segment of the journal, beside the robot, and not to go on:
+its state is the snapshot there (`snapshot`).
+
 What had left before the death, or was about to, is not sent at the resumption: to the others the robot was silent for a
 while. Deliveries without acknowledgement are repeated with their numbers, as after any silence, and receivers drop what
 they have. Frames whose outcome the radio still owed are taken for lost.
@@ -22,128 +25,32 @@ This module is compiled where a build is, as `RecordedNode` is.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Final
 
-from rmr.base.geometry import Twist
-from rmr.base.time import NEVER, Duration, Instant, in_seconds
+from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.durable_actions import DurableActions
+from rmr.mind.generated_functions import GeneratedFunctions
+from rmr.mind.graph_restoration import GraphMismatchError
 from rmr.mind.journal import CALLS, HEADER, RESUMED, Journal, JournalError, JournalRecord
 from rmr.mind.mind_reader import MindCall, MindLogError, calls_of
+from rmr.mind.mind_versions import is_compiled
+from rmr.mind.object_graph import Skeleton
+from rmr.mind.port_gate import PortGate
 from rmr.mind.recorded_node import RecordedNode
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import UNCONFIRMED_MAX
-from rmr.node.ports import BodyPort, Confirmed, Ports, RadioPort, Received, Sensed
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.ports import Confirmed, Ports, Received
+from rmr.vm.shared import Shared
 
 Witness = Callable[[int, Instant, object], None]
-
-
-class HeldFrame:
-    """A frame that leaves when the call is recorded."""
-
-    def __init__(self, payload: bytes, destination: int | None, handle: int, due: Instant) -> None:
-        self.payload = payload
-        self.destination = destination
-        self.handle = handle
-        self.due = due
-
-
-class PortGate:
-    """The node's ports: from the journal while the node is brought back, then the host's, with outputs held."""
-
-    def __init__(self, ports: Ports, feed: ReplayFeed) -> None:
-        self._link: RadioPort = ports.link
-        self._body: BodyPort | None = ports.body
-        self._spent = ports.spent
-        self._neighbors = ports.neighbors
-        self._feed = feed
-        self.live = False
-        self.frames: list[HeldFrame] = []
-        """What the present call sends."""
-        self.twist: Twist | None = None
-        """The wheel command of the present call, the last one."""
-        self._stamp: Instant = 0
-        self.handles: list[int] = []
-        """The newest frames of the node that is brought back, whose outcomes may be awaited."""
-        self.unanswered: list[Confirmed] = []
-        """Outcomes that the radio did not live to tell."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether something waits to leave."""
-        return bool(self.frames) or self.twist is not None
-
-    def release(self) -> None:
-        """Let go what is held."""
-        frames = self.frames
-        if frames:
-            self.frames = []
-            for frame in frames:
-                self._link.transmit(frame.payload, frame.destination, frame.handle, frame.due)
-        twist = self.twist
-        if twist is not None and self._body is not None:
-            self.twist = None
-            self._body.act(twist, self._stamp)
-
-    # -- ports --------------------------------------------------------------------------------------------------
-
-    @property
-    def payload_max(self) -> int:
-        """Octets of payload that a frame holds."""
-        return self._link.payload_max
-
-    def transmit(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
-        """Hold a frame."""
-        if self.live:
-            self.frames.append(HeldFrame(payload, destination, handle, due))
-            return
-        self.handles.append(handle)
-        if len(self.handles) > 2 * UNCONFIRMED_MAX:
-            del self.handles[:UNCONFIRMED_MAX]
-
-    def receive(self) -> list[Received]:
-        """Return what has arrived."""
-        return self._link.receive() if self.live else self._feed.receive()
-
-    def confirmations(self) -> list[Confirmed]:
-        """Return the outcomes that have become known."""
-        if not self.live:
-            return self._feed.confirmations()
-        if self.unanswered:
-            outcomes = self.unanswered
-            self.unanswered = []
-            return outcomes + self._link.confirmations()
-        return self._link.confirmations()
-
-    def sense(self) -> list[Sensed]:
-        """Return the new samples."""
-        if not self.live:
-            return self._feed.sense()
-        assert self._body is not None
-        return self._body.sense()
-
-    def act(self, twist: Twist, stamp: Instant) -> None:
-        """Hold a wheel command; a later one of the same call takes its place."""
-        if self.live:
-            self.twist = twist
-            self._stamp = stamp
-
-    def spent(self) -> Duration:
-        """Return the processor time of the present call."""
-        if not self.live:
-            return self._feed.spent()
-        assert self._spent is not None
-        return self._spent()
-
-    def neighbors(self) -> Sequence[tuple[int, float]]:
-        """Return who is in range."""
-        if not self.live:
-            return self._feed.neighbors()
-        assert self._neighbors is not None
-        return self._neighbors()
+OPAQUE: Final = (Program, NodeConfig, Shared, RuleSwitches)
+"""What never changes, is derived from the program alone, or is shared with other robots: no part of a node's state."""
 
 
 class DurableNode(RecordedNode):
@@ -159,10 +66,14 @@ class DurableNode(RecordedNode):
         journal: Journal,
         stored: Sequence[JournalRecord] = (),
         noted: bool = False,
+        snapshot: bytes | None = None,
+        shadow: Callable[[Skeleton], None] | None = None,
     ) -> None:
         """`stored` are the records of the robot's journal, if it goes on; `config` is then that of its header.
 
-        `noted` says whether entries of the trace are logged; of a robot that goes on its header says it.
+        `noted` says whether entries of the trace are logged; of a robot that goes on its header says it. `snapshot` is
+        the state before these records, if the journal did not begin with them. A shadow calls `shadow` with its
+        skeleton.
 
         Raises JournalError if the robot cannot go on from these records.
         """
@@ -191,10 +102,31 @@ class DurableNode(RecordedNode):
         super().__init__(config, program, gated, durable.handlers(handlers), digest, None, noted)
         feed.log = self.log
         durable.join(self.log, self.commit)
-        if len(stored) > 1:
+        if snapshot is not None or shadow is not None:
+            skeleton = self._skeleton([handlers[name].run for name in sorted(handlers)])
+            if snapshot is not None:
+                self._restore(skeleton, snapshot)
+            if shadow is not None:
+                shadow(skeleton)
+        if snapshot is not None or len(stored) > 1:
             self._bring(stored)
         else:
             self._go_live()
+
+    def _skeleton(self, runs: list[object]) -> Skeleton:
+        """Return the skeleton of the node, which has just been made; of its host and the handlers' `runs` nothing."""
+        return Skeleton(
+            self, [self._gate.host, self._journal, self._seen, *runs], OPAQUE, GeneratedFunctions(self.machine)
+        )
+
+    @staticmethod
+    def _restore(skeleton: Skeleton, snapshot: bytes) -> None:
+        if is_compiled():  # an object of a compiled class is never made without its constructor
+            raise JournalError("its snapshot was taken by an rmr that is not compiled; set RMR_COMPILED= to go on")
+        try:
+            skeleton.restore(snapshot)
+        except GraphMismatchError as error:
+            raise JournalError(f"its snapshot does not fit: {error}") from None
 
     # -- bringing back --------------------------------------------------------------------------------------------
 
@@ -215,11 +147,15 @@ class DurableNode(RecordedNode):
                 base = record.base
             octets.append(record.octets)
         self._again(octets, base)
-        self.notes.entries.clear()
-        self._feed.begin([])
+        self.settle()
         self.brought_back = self._began = self._started
         if not self._began:
             self._go_live()
+
+    def settle(self) -> None:
+        """Forget the inputs of the last call, and the entries of the trace, which its host has had."""
+        self.notes.entries.clear()
+        self._feed.begin([])
 
     def _again(self, octets: list[bytes], base: Instant) -> None:
         """Execute the calls between two starts of the process; the last may have been broken off."""
@@ -261,7 +197,7 @@ class DurableNode(RecordedNode):
 
     def _go_live(self) -> None:
         self._gate.live = True
-        self._durable.go_live()
+        self._durable.go_live(self.services.state)
         handles = self._gate.handles
         outcomes = [Confirmed(handle, "no_ack") for handle in handles[-UNCONFIRMED_MAX:]]
         self._gate.unanswered = [outcome for outcome in outcomes if self.awaits(outcome)]
@@ -330,6 +266,15 @@ class DurableNode(RecordedNode):
         if not self._inside:
             self._durable.acted = False
             self._gate.release()
+            if self._journal.full:
+                self._next_segment()
+
+    def _next_segment(self) -> None:
+        try:
+            self._journal.next_segment()
+        except OSError:
+            self._broken = True
+            raise
 
     def next_record(self) -> bytes:
         """Return the record that would be written next, empty if there is nothing to write; the node is over then."""

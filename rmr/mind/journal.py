@@ -9,11 +9,15 @@ of whole records from the beginning; what follows it was being written when the 
 
 The first record is the header: whose journal it is, and what makes the node anew. It is written when the robot begins.
 
+A journal is a row of *segments*, each a file of its own with a header. A segment that is full is closed between two
+calls, and another one begins, whose header has the check sum of the last record before. A snapshot (`snapshot`) is the
+robot's state at the begin of a segment, in place of all segments before.
+
 This module has no input or output: `JournalFile` is what a host gives it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from struct import Struct
 from typing import Any, Final, NamedTuple, Protocol
 from zlib import crc32
@@ -24,6 +28,8 @@ from rmr.mind.fact_values import pack, unpack
 FORMAT: Final = 1
 """Format of the journal; another one is refused."""
 MAGIC: Final = "rmr state"
+SEGMENT_OCTETS: Final = 1 << 20
+"""Octets after which a segment is closed: two minutes of a driving robot, and a second of execution at a restart."""
 RECORD_MAX: Final = 1 << 26
 """Longest body that is taken for one, 64 MiB: a damaged length asks for more."""
 _HEAD: Final = Struct("<II")
@@ -50,6 +56,9 @@ class JournalFile(Protocol):
     def sync(self) -> None:
         """Make what was written survive a loss of power. Raises OSError."""
 
+    def begin_segment(self, number: int, data: bytes) -> None:
+        """Close the segment, and begin another one with `data`, which is there wholly or not at all. Raises OSError."""
+
 
 @dataclass(frozen=True, slots=True)
 class JournalHeader:
@@ -65,11 +74,16 @@ class JournalHeader:
     """Whether entries of the trace are logged."""
     mind: bytes
     """The header of the mind's log (`mind_header`)."""
+    segment: int = 0
+    """Number of the segment."""
+    before: int = 0
+    """Check sum of the last record of the segment before."""
 
     def octets(self) -> bytes:
         """Return the body of the record."""
         fields = {name: getattr(self, name) for name in ("robot", "lab", "run", "program", "noted", "mind")}
-        return bytes([HEADER]) + pack({"what": MAGIC, "format": FORMAT} | fields)
+        later = {"segment": self.segment, "before": self.before} if self.segment else {}
+        return bytes([HEADER]) + pack({"what": MAGIC, "format": FORMAT} | fields | later)
 
 
 class JournalRecord(NamedTuple):
@@ -142,9 +156,8 @@ def _header(record: JournalRecord) -> JournalHeader:
     if found.get("format") != FORMAT:
         raise JournalError(f"it has format {found.get('format')}; this rmr reads format {FORMAT}")
     try:
-        return JournalHeader(
-            found["robot"], found["lab"], found["run"], found["program"], found["noted"], found["mind"]
-        )
+        own = (found["robot"], found["lab"], found["run"], found["program"], found["noted"], found["mind"])
+        return JournalHeader(*own, found.get("segment", 0), found.get("before", 0))
     except KeyError as error:
         raise JournalError(f"its header has no {error.args[0]}") from None
 
@@ -154,19 +167,36 @@ class DurableState(NamedTuple):
 
     journal: "Journal"
     stored: Sequence[JournalRecord]
-    """Its records; none if it is new."""
+    """Its records; none if it is new. Behind a snapshot: those of the segments from there on."""
     noted: bool = False
     """Whether entries of the trace are logged."""
+    snapshot: bytes | None = None
+    """The graph state with which it goes on (`object_graph`); None: its journal begins with it."""
 
 
 class Journal:
     """Writes records behind those that are there."""
 
-    def __init__(self, file: JournalFile, *, synced: bool, crc: int = 0) -> None:
-        """`synced`: each record survives a loss of power, too. `crc` is the check sum of the last record."""
+    def __init__(
+        self,
+        file: JournalFile,
+        *,
+        synced: bool,
+        crc: int = 0,
+        header: JournalHeader | None = None,
+        filled: int = 0,
+        segment_octets: int = 0,
+    ) -> None:
+        """`synced`: each record survives a loss of power, too. `crc` is the check sum of the last record.
+
+        `header` is that of the segment, which has `filled` octets and is closed at `segment_octets`; 0: never.
+        """
         self._file = file
         self._synced = synced
         self._crc = crc
+        self._header = header
+        self._filled = filled
+        self._segment_octets = segment_octets
         self.records = 0
         """Records written."""
         self.octets = 0
@@ -174,7 +204,27 @@ class Journal:
 
     def header(self, header: JournalHeader) -> None:
         """Write the first record. Raises OSError."""
+        self._header = header
         self._write(header.octets())
+
+    @property
+    def full(self) -> bool:
+        """Whether the segment is to be closed at the next end of a call."""
+        return 0 < self._segment_octets <= self._filled
+
+    def next_segment(self) -> None:
+        """Close the segment and begin another one. Raises OSError."""
+        assert self._header is not None
+        header = replace(self._header, segment=self._header.segment + 1, before=self._crc)
+        body = header.octets()
+        self._crc = 0
+        data = self._sealed(body)
+        self._file.begin_segment(header.segment, data)
+        self._header = header
+        self._crc = crc32(body)
+        self._filled = len(data)
+        self.records += 1
+        self.octets += len(data)
 
     def calls(self, base: Instant, octets: bytes) -> None:
         """Write operations. Raises OSError."""
@@ -197,5 +247,6 @@ class Journal:
         if self._synced:
             self._file.sync()
         self._crc = crc32(body, self._crc)
+        self._filled += len(data)
         self.records += 1
         self.octets += len(data)

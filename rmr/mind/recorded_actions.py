@@ -17,9 +17,9 @@ from rmr.base.values import Value
 from rmr.mind import action_steps as steps
 from rmr.mind.fact_values import pack
 from rmr.mind.mind_log import MindLog
-from rmr.node.actions.built_in import NodeHandle
 from rmr.node.actions.dispatcher import Handler, failure_of, kind_of
 from rmr.node.actions.handle import Pause
+from rmr.node.actions.node_handle import NodeHandle
 
 
 def recorded_handlers(handlers: Mapping[str, Handler], log: MindLog) -> Mapping[str, Handler]:
@@ -180,6 +180,11 @@ class RecordedServices:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._robot.node, name)
+
+    @property
+    def log(self) -> StepLog:
+        """The log of the handler's steps."""
+        return self._log
 
     def drive(self, v: float, w: float) -> None:
         """Drive by hand."""

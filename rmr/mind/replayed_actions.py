@@ -7,11 +7,12 @@ from typing import Any
 
 from rmr.base.values import Value
 from rmr.mind import action_steps as steps
+from rmr.mind.kept_state import replace_state
 from rmr.mind.mind_header import UserAction
 from rmr.mind.replay_feed import ReplayFeed
-from rmr.node.actions.built_in import NodeHandle
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.handle import ActionFailed, Pause
+from rmr.node.actions.node_handle import NodeHandle
 
 LOST = "the log does not say how the handler goes on"
 """The failure of an action that goes on in a replay and not in the recording."""
@@ -114,6 +115,7 @@ class ReplayedAction:
             steps.NEXT: lambda step: self._go_on(step, next),
             steps.THROW: lambda step: self._go_on(step, lambda coroutine: coroutine.throw(ActionFailed(LOST))),
             steps.STOP: lambda step: self._steps[step].close(),
+            steps.STATE: lambda packed: replace_state(node.state, packed),
         }
         with suppress(Exception, SystemExit, StopIteration):
             calls[code](*values)

@@ -14,8 +14,9 @@ from rmr.base.values import Value
 from rmr.bytecode.provided import PREDICATES
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.built_in import PROVIDED, NodeHandle
+from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
+from rmr.node.actions.node_handle import NodeHandle
 from rmr.node.crossing.blocked_way import barring, blocked_words
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.executive import Executive

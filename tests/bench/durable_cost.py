@@ -22,7 +22,8 @@ from typing import Any
 
 from rmr.mind.journal import read_journal
 from rmr.mind.mind_versions import is_compiled
-from rmr_agent.state_folder import JOURNAL, StateFolder
+from rmr_agent.state_files import JOURNAL
+from rmr_agent.state_folder import StateFolder
 from rmr_sim.run_setup import Options, load
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"

@@ -14,7 +14,8 @@ from process_tools import Stage, wait_until
 
 from rmr.bytecode import codec
 from rmr.lang.compiler import compile_source
-from rmr_agent.state_folder import JOURNAL
+from rmr.mind.mind_versions import is_compiled
+from rmr_agent.state_files import JOURNAL
 
 pytestmark = pytest.mark.slow
 
@@ -86,6 +87,37 @@ def test_a_token_survives_kill_minus_nine_of_its_holders(stage):
     passed = sorted(int(fact.split(", ")[1][:-1]) for fact in facts(newest, "passed"))
     assert passed == list(range(16))
     assert sum(newest[robot].report["restarts"] for robot in (1, 2)) == KILLS
+
+
+@pytest.mark.skipif(is_compiled(), reason="where rmr is compiled there are no snapshots")
+def test_a_robot_goes_on_from_a_snapshot_and_a_damaged_one_is_passed_over(stage):
+    stage.world()
+    state = {robot: stage.folder / f"state{robot}" for robot in (1, 2)}
+
+    def start(robot):
+        return stage.agent(robot, "--state", state[robot], "--snapshots", "2", program="ring.rbc")
+
+    def snapshots(robot):
+        return sorted(state[robot].glob("snapshot-*[0-9]"), key=lambda path: int(path.name.split("-")[1]))
+
+    running = {robot: start(robot) for robot in (1, 2)}
+    for robot, damaged in ((1, False), (2, False), (1, True)):
+        eventually(lambda robot=robot: len(snapshots(robot)) == 2 and not (state[robot] / JOURNAL).exists(), 300)
+        # What takes a snapshot may outlive a killed robot for a moment, and write a newer one; one that ends does not.
+        running[robot].send(signal.SIGTERM if damaged else signal.SIGKILL)
+        running[robot].process.wait(60)
+        newest = snapshots(robot)[-1]
+        if damaged:
+            newest.write_bytes(newest.read_bytes()[:-1] + b"?")
+        running[robot] = start(robot)
+        running[robot].wait_for("and goes on as it was at")
+        said = f"{newest}: it is damaged; it is passed over, and the robot goes on from the one before"
+        assert (said in running[robot].said()) == damaged
+    newest = stage.statuses(
+        lambda newest: 1 in newest and 2 in newest and "holds(@1, 16)" in newest[1].report.get("facts", ())
+    )
+    assert facts(newest, "token") == []
+    assert sorted(int(fact.split(", ")[1][:-1]) for fact in facts(newest, "passed")) == list(range(16))
 
 
 def test_a_second_process_on_one_folder_and_a_state_of_another_robot_are_refused(stage):

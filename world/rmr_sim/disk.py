@@ -2,16 +2,23 @@
 
 What was written survives the end of the process, and what was synced a loss of power, too. The record that was being
 written when the robot died is torn: a part of its octets is there, drawn from the stream ``SEED/robotN/disk``.
+
+When a segment of the journal is closed, a snapshot is taken at once (`rmr.mind.snapshot`), where rmr is not compiled.
+Of seven one is not taken, and one is torn, as if what takes it had died: drawn from ``SEED/robotN/snapshots``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 from rmr.base.streams import stream
 from rmr.bytecode.program import Program
 from rmr.mind.durable_node import DurableNode
-from rmr.mind.journal import Journal, JournalHeader, read_journal
+from rmr.mind.journal import SEGMENT_OCTETS, Journal, JournalHeader
 from rmr.mind.mind_header import decode_header, encode_header
+from rmr.mind.mind_versions import is_compiled
+from rmr.mind.segments import FoundState, find_state, superfluous
+from rmr.mind.snapshot import Snapshot, taken_snapshot
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import NodeConfig
 from rmr.node.ports import Ports
@@ -20,9 +27,25 @@ from rmr.node.ports import Ports
 class Disk:
     """One robot's disk (`rmr.mind.journal.JournalFile`)."""
 
-    def __init__(self, seed: int, robot: int) -> None:
+    def __init__(self, seed: int, robot: int, segment_octets: int = SEGMENT_OCTETS) -> None:
+        """A segment of the journal is closed at `segment_octets`."""
         self._rng = stream(f"{seed}/robot{robot}/disk")
+        self._fates = stream(f"{seed}/robot{robot}/snapshots")
+        self.segment_octets = segment_octets
         self.data = b""
+        """What a crash has left of the last segment."""
+        self.number = 0
+        """Number of the last segment."""
+        self.closed: dict[int, bytes] = {}
+        """The segments before it."""
+        self.snapshots: dict[int, bytes] = {}
+        """By the segments before which they are."""
+        self.from_snapshots = 0
+        """How often the robot has gone on from a snapshot."""
+        self.passed_over = 0
+        """Snapshots that were damaged when the robot went on."""
+        self.take: Callable[[FoundState, int], Snapshot] | None = None
+        """Takes the snapshot behind a state, before a segment."""
         self._chunks: list[bytes] = []
         self._written = 0
         self._synced = 0
@@ -46,11 +69,40 @@ class Disk:
         self._written = len(self.data)
         self._synced = min(self._synced, self._written)
 
-    def truncate(self, octets: int) -> None:
-        """Keep so many octets."""
-        self.data = b"".join([self.data, *self._chunks])[:octets]
+    def keep(self, found: FoundState) -> None:
+        """Keep what could be read: so many octets of the last segment, and nothing behind it."""
+        segments = self.segments
+        self.from_snapshots += found.snapshot is not None
+        self.passed_over += len(found.passed_over)
+        self.number = found.last
+        self.data = segments.get(found.last, b"")[: found.whole]
+        self.closed = {number: data for number, data in segments.items() if number < found.last}
+        self.snapshots = {number: data for number, data in self.snapshots.items() if number <= found.last}
+        for number, _ in found.passed_over:
+            self.snapshots.pop(number, None)
         self._chunks = []
-        self._written = self._synced = octets
+        self._written = self._synced = len(self.data)
+
+    @property
+    def segments(self) -> dict[int, bytes]:
+        """All segments."""
+        last = b"".join([self.data, *self._chunks])
+        return {**self.closed, self.number: last} if last else dict(self.closed)
+
+    def begin_segment(self, number: int, data: bytes) -> None:
+        """Close the segment, and begin another one; take the snapshot before that, unless the draw is against it."""
+        self.closed = self.segments
+        fate = self._fates.randrange(7)
+        if self.take is not None and fate:
+            octets = self.take(find_state(self.closed, self.snapshots), number).octets()
+            self.snapshots[number] = octets if fate > 1 else octets[: self._fates.randrange(len(octets))]
+            segments, snapshots = superfluous(self.closed, self.snapshots)
+            self.closed = {each: data for each, data in self.closed.items() if each not in segments}
+            self.snapshots = {each: data for each, data in self.snapshots.items() if each not in snapshots}
+        self.number = number
+        self.data = b""
+        self._chunks = [data]
+        self._written = self._synced = len(data)
 
 
 def durable_node(
@@ -64,10 +116,18 @@ def durable_node(
     synced: bool = False,
 ) -> DurableNode:
     """Return the node of a robot that goes on from its `disk`, or begins if that is empty."""
-    found = read_journal(disk.data)
-    disk.truncate(found.whole)
-    journal = Journal(disk, synced=synced, crc=found.crc)
+    found = find_state(disk.segments, disk.snapshots)
+    disk.keep(found)
     header = found.header
+    disk.take = None if is_compiled() else partial(_taken, program)
+    journal = Journal(
+        disk,
+        synced=synced,
+        crc=found.crc,
+        header=header,
+        filled=found.whole,
+        segment_octets=disk.segment_octets,
+    )
     if header is None:
         mind = encode_header(
             config,
@@ -82,4 +142,10 @@ def durable_node(
         journal.header(JournalHeader(config.robot, "simulated", config.seed, digest, False, mind))
     else:
         config = replace(decode_header(header.mind).config, witness=config.witness, firings=config.firings)
-    return DurableNode(config, program, ports, handlers, digest, journal, found.records)
+    state = None if found.snapshot is None else found.snapshot.state
+    return DurableNode(config, program, ports, handlers, digest, journal, found.records, snapshot=state)
+
+
+def _taken(program: Program, found: FoundState, segment: int) -> Snapshot:
+    assert found.header is not None
+    return taken_snapshot(program, found.header, found.records, found.snapshot, segment, found.crc)

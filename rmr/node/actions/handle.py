@@ -45,6 +45,13 @@ class Pause:
         return now >= self.until or (self.condition is not None and self.condition())
 
 
+def pause_of(now: Instant, duration_s: float) -> Pause:
+    """Return a pause of `duration_s` seconds, a millisecond at least, from `now`. Raises ValueError as `sleep` does."""
+    if not 0.0 <= duration_s < math.inf:
+        raise ValueError(f"cannot wait {duration_s} s; give a finite number of seconds, 0 or more")
+    return Pause(now + max(SLEEP_MIN, seconds(duration_s)))
+
+
 class HandledAction(Protocol):
     """The action to which a handle belongs."""
 
@@ -91,9 +98,7 @@ class RobotHandle:
 
     async def sleep(self, duration_s: float) -> None:
         """Wait `duration_s` seconds, a millisecond at least. Raises ValueError below 0 and for what is not finite."""
-        if not 0.0 <= duration_s < math.inf:
-            raise ValueError(f"cannot wait {duration_s} s; give a finite number of seconds, 0 or more")
-        await Pause(self._now() + max(SLEEP_MIN, seconds(duration_s)))
+        await pause_of(self._now(), duration_s)
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` is true; it is looked at in each of the robot's frames."""
@@ -168,11 +173,3 @@ class RobotHandle:
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""
         self._node.trace(self._now(), "said", text=str(text))
-
-
-async def wait(robot: RobotHandle, duration_s: float) -> None:
-    """Let time pass, seconds: the provided action. Raises ActionFailed below 0 and for what is not finite."""
-    try:
-        await robot.sleep(duration_s)
-    except ValueError as error:
-        raise ActionFailed(str(error)) from None

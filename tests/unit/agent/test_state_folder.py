@@ -12,7 +12,8 @@ import pytest
 from rmr.base.arena import NOWHERE
 from rmr.bytecode.program import Program
 from rmr.mind import mind_versions
-from rmr.mind.journal import Journal, read_journal
+from rmr.mind.journal import Journal, JournalError, read_journal
+from rmr.mind.snapshot import Snapshot
 from rmr.node.config import NodeConfig
 from rmr_agent import state_folder
 from rmr_agent.bytecode import Loaded
@@ -192,3 +193,102 @@ def test_power_syncs_each_record(tmp_path, monkeypatch):
     assert len(synced) == 2
     assert replace(header(), run=1) != folder.header
     folder.close()
+
+
+def test_each_segment_is_a_file_and_the_journal_goes_on_in_the_last_one(tmp_path):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+    for record in (b"one", b"two", b"three"):
+        journal.calls(0, record)
+        journal.next_segment()
+    folder.close()
+    assert sorted(path.name for path in tmp_path.glob("journal*")) == ["journal", "journal-1", "journal-2", "journal-3"]
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    assert [each.octets for each in folder.found.records if each.kind == 1] == [b"one", b"two", b"three"]
+    begun_journal(folder).calls(0, b"four")
+    folder.close()
+    assert read_journal((tmp_path / "journal-3").read_bytes()).records[-1].octets == b"four"
+
+
+def test_segments_behind_a_damaged_one_are_removed_with_a_word(tmp_path):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+    for record in (b"one", b"two"):
+        journal.calls(0, record)
+        journal.next_segment()
+    folder.close()
+    damaged = tmp_path / "journal-1"
+    damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    assert f"{damaged}: the last" in folder.dropped
+    assert "the file is damaged there" in folder.dropped
+    begun_journal(folder)
+    folder.close()
+    assert not (tmp_path / "journal-2").exists()
+
+
+def test_a_damaged_snapshot_is_passed_over_with_a_word_and_removed(tmp_path):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+    journal.calls(0, b"one")
+    journal.next_segment()
+    folder.close()
+    (tmp_path / "snapshot-1").write_bytes(b"torn")
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    on = "it is passed over, and the robot goes on from the begin of the journal"
+    assert folder.passed_over == [f"{tmp_path}/snapshot-1: it is cut short; {on}"]
+    assert folder.taken_up(header(), CONFIG)[1].snapshot is None
+    folder.close()
+    assert not (tmp_path / "snapshot-1").exists()
+
+
+def test_a_snapshot_that_does_not_lead_to_what_is_recorded_is_passed_over_for_the_one_before(tmp_path, caplog):
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    journal = begun_journal(folder)
+    for number in (1, 2):
+        journal.calls(0, b"one")
+        (tmp_path / f"snapshot-{number}").write_bytes(Snapshot(number, journal._crc, 7, b"state").octets())
+        journal.next_segment()
+    folder.close()
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    tried = []
+
+    def make(config, state):
+        tried.append(len(state.stored))
+        if len(tried) < good:
+            raise JournalError("it does not come out again")
+        return state.journal
+
+    good = 2
+    folder.go_on(header(), CONFIG, make).calls(0, b"two")
+    assert tried == [1, 3]
+    [told] = [record.getMessage() for record in caplog.records]
+    on = "it is passed over, and the robot goes on from the one before"
+    assert told == f"{tmp_path}/snapshot-2: it does not come out again; {on}"
+    folder.close()
+    folder = StateFolder(tmp_path, 4, 7, "process")
+    assert folder.found.snapshot.segment == 1
+    assert folder.found.records[-1].octets == b"two"
+    good = 9
+    with pytest.raises(JournalError, match="does not come out again"):
+        folder.go_on(header(), CONFIG, make)
+    folder.close()
+    assert (tmp_path / "snapshot-1").exists(), "what cannot be gone on from is left for a look at it"
+
+
+@pytest.mark.medium
+@pytest.mark.skipif(mind_versions.is_compiled(), reason="where rmr is compiled there are no snapshots")
+def test_a_snapshot_that_cannot_be_taken_is_told_once_and_the_journal_stays(tmp_path, caplog):
+    folder = StateFolder(tmp_path, 4, 7, "process", b"no program", 1)
+    journal = begun_journal(folder)
+    for _ in range(2):
+        journal.calls(0, b"one")
+        assert journal.full
+        journal.next_segment()
+        if (thread := folder._taker._thread) is not None:
+            thread.join()
+    folder.close()
+    [told] = [record.getMessage() for record in caplog.records]
+    why = "not RMR byte-code (it does not begin with the magic octets)"
+    assert told == f"robot 4: no snapshot of the state: {why}; the journal grows"
+    assert (tmp_path / "journal").exists()

@@ -33,7 +33,8 @@ from rmr.radio.frame import DataFrame, encode_data
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import airtime
 from rmr_agent.bytecode import Loaded
-from rmr_agent.robot import HostedRobot, RobotSetup
+from rmr_agent.robot import HostedRobot
+from rmr_agent.robot_setup import RobotSetup
 from rmr_deploy import disturb
 from rmr_deploy.lab_run import make_report
 from rmr_deploy.preparation import RunOptions, RunPlan

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rmr.base.time import seconds
+from rmr.node.actions.built_in import wait
 from rmr.node.actions.dispatcher import (
     STOPPED,
     TAKEN_OVER,
@@ -16,7 +17,6 @@ from rmr.node.actions.dispatcher import (
     RobotHandle,
     RunningAction,
 )
-from rmr.node.actions.handle import wait
 
 
 class Permit:

@@ -1,0 +1,294 @@
+"""The provided actions that drive somewhere.
+
+Like `rmr.node.actions.handle` this module is never compiled.
+"""
+
+import math
+from typing import Final
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Point
+from rmr.base.time import Instant, seconds
+from rmr.node.actions.dispatcher import Permit
+from rmr.node.actions.handle import ActionFailed, Pause
+from rmr.node.actions.node_handle import STUCK_S, LocatedSteps, NodeHandle
+from rmr.node.motion.grid import off_goal, segment_clearance
+from rmr.node.motion.obstruction import near_polyline, robots_named, robots_near, solid_between, what_bars
+from rmr.node.motion.straight_drive import RAMP, Straight
+from rmr.node.parts import ActionHost
+
+LOOK_EVERY: Final = seconds(1)
+"""How often a robot without a way looks whether the dead bar it."""
+FREE_AFTER: Final = seconds(5)
+"""The dead bar the way no longer when no look has found so for this long."""
+NEAR_M: Final = 1.0
+"""Distance to the goal from which a robot that stands on it counts as blocking it."""
+OVERDUE_S: Final = 5.0
+"""Lateness at which a straight drive fails: it does not drive around what is in its way."""
+LAST_S: Final = 1e9
+"""Largest instant of a program, seconds; larger numbers are cut to it. No lab runs for so long."""
+CLOSE_M: Final = 0.01
+"""Tolerance of the distance to an obstacle: a robot beside one may seem to stand this far inside it."""
+
+
+class Drive(LocatedSteps):
+    """A drive to a goal, until it is idle.
+
+    It fails when there has been no way, or the goal has been taken, for too long; before its turn that is longer by as
+    much for each other robot, for those that go first may be in its way until then.
+    """
+
+    __slots__ = ("_barred", "_blocked_since", "_goal", "_heading", "_looks", "_permit")
+
+    def __init__(self, robot: NodeHandle) -> None:
+        super().__init__(robot)
+        self._heading: float | None = None
+        self._permit: Permit | None = None
+        self._blocked_since: Instant | None = None
+        self._looks = Pause(condition=self._ends)
+
+    def goal(self) -> Point:
+        """Return where to drive to; the robot knows its pose."""
+        raise NotImplementedError
+
+    def is_taken(self) -> bool:
+        """Return whether another robot stands on the goal."""
+        return False
+
+    def is_idle(self) -> bool:
+        """Return whether there is nothing to drive for any more."""
+        return False
+
+    def begin(self) -> Pause | None:
+        """Set out."""
+        node = self._robot.node
+        self._goal = self.goal()
+        node.depart(self._goal, final_heading=self._heading, permit=self._permit)
+        self._drives = True
+        self._barred = BarredDrive(node, self._goal)
+        return self.go_on()
+
+    def _ends(self) -> bool:
+        moving = self._robot.node.motion.status == "moving"
+        return not moving or self._blocked_since is not None or self.is_taken() or self.is_idle() or self._barred.due
+
+    def go_on(self) -> Pause | None:
+        """Look how the drive goes."""
+        node = self._robot.node
+        status = node.motion.status
+        if status == "arrived" or self.is_idle():
+            return None
+        self._barred.look()
+        if node.motion.status == "blocked" or self.is_taken():
+            self._blocked_since = self._blocked_since or node.now
+            robots = len(node.config.roster) if self._permit is not None and self._permit.waits else 1
+            if node.now - self._blocked_since > seconds(STUCK_S) * robots:
+                raise ActionFailed(_no_way(node, self._goal))
+        else:
+            self._blocked_since = None
+        return self._looks
+
+
+class BarredDrive:
+    """Looks whether the dead bar the way of one drive, which then fails although others may be in the way as well."""
+
+    __slots__ = ("_barred_at", "_goal", "_look_at", "_node", "_since")
+
+    def __init__(self, node: ActionHost, goal: Point) -> None:
+        self._node = node
+        self._goal = goal
+        self._since: Instant | None = None
+        """Since when they bar it."""
+        self._barred_at: Instant = 0
+        self._look_at: Instant = 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to look again: there are dead robots, or were at the last look."""
+        node = self._node
+        return node.now >= self._look_at and (self._since is not None or bool(node.peers.lost(node.now)))
+
+    def look(self) -> None:
+        """Look, if that is due. Raises ActionFailed when they have barred the way for STUCK_S."""
+        if not self.due:
+            return
+        node = self._node
+        now = node.now
+        self._look_at = now + LOOK_EVERY
+        node.blocked = node.barred_by_lost(self._goal)
+        if not node.blocked:
+            # To and fro before a body the way may seem free for a moment: so near to the start margins are less.
+            if self._since is not None and now - self._barred_at > FREE_AFTER:
+                self._since = None
+            return
+        self._barred_at = now
+        if self._since is None:
+            self._since = now
+            node.trace(now, "blocked", reason=node.blocked)
+        if now - self._since > seconds(STUCK_S):
+            raise ActionFailed(f"no way there: {node.blocked}")
+
+
+def _no_way(node: ActionHost, goal: Point) -> str:
+    """Return why a drive to `goal` has failed, with who or what is in the way."""
+    pose = node.pose
+    bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))
+    return f"no way there: {bars}" if bars else "no way there"
+
+
+class MoveTo(Drive):
+    """A drive to an area."""
+
+    __slots__ = ("_area", "_area_name")
+
+    def __init__(self, robot: NodeHandle, area_name: str) -> None:
+        super().__init__(robot)
+        self._area_name = area_name
+        self._area: Area | None = None
+
+    def prepare(self) -> bool:
+        """Look for the area. Raises ActionFailed."""
+        self._area = self._robot.node.arena.area(self._area_name)
+        if self._area is None:
+            raise ActionFailed(f"no area is called {self._area_name}")
+        return True
+
+    def goal(self) -> Point:
+        """Take a place: only a robot with a pose does, for what others say may send it to another one."""
+        assert self._area is not None
+        self._permit = self._robot.permit
+        return self._robot.node.take_place(self._area, self._permit)
+
+
+class LineUp(Drive):
+    """A drive to a place of a queue."""
+
+    __slots__ = ("_area_name", "_place", "_spot")
+
+    def __init__(self, robot: NodeHandle, area_name: str, place: int) -> None:
+        super().__init__(robot)
+        self._area_name = area_name
+        self._place = place
+
+    def prepare(self) -> bool:
+        """Look for the place. Raises ActionFailed."""
+        robot = self._robot
+        place = self._place
+        if robot.needs_no_queue():
+            return False
+        area = robot.node.arena.area(self._area_name)
+        if area is None or not area.queue:
+            raise ActionFailed(f"no area with a queue is called {self._area_name}")
+        if place < 1:
+            raise ActionFailed(f"there is no place {place} in a queue; the first is 1")
+        self._spot = spot = area.queue[min(place, len(area.queue)) - 1]
+        ahead = area.queue[0] if place > 1 else area.places[0]
+        self._heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
+        return True
+
+    def goal(self) -> Point:
+        """Return the place."""
+        return self._spot
+
+    def is_idle(self) -> bool:
+        """Return whether the robot need not line up."""
+        return self._robot.needs_no_queue()
+
+
+def _heading(a: Point, b: Point) -> float:
+    return math.atan2(b.y - a.y, b.x - a.x)
+
+
+def _queue_heading(queue: tuple[Point, ...]) -> float | None:
+    return _heading(queue[1], queue[0]) if len(queue) > 1 else None
+
+
+class GoTo(Drive):
+    """A drive to a point."""
+
+    __slots__ = ("_point",)
+
+    def __init__(self, robot: NodeHandle, x: float, y: float) -> None:
+        super().__init__(robot)
+        self._point = Point(x, y)
+
+    def goal(self) -> Point:
+        """Return the point."""
+        return self._point
+
+    def is_taken(self) -> bool:
+        """Return whether another robot stands there, as seen from near."""
+        node = self._robot.node
+        if not 0.0 < node.motion.remaining_m < NEAR_M:
+            return False
+        parked = node.peers.parked(node.now)
+        return len(off_goal(parked, self._point, node.arena.shape.radius)) < len(parked)
+
+
+class ReachDrive(LocatedSteps):
+    """A straight drive by the clock."""
+
+    __slots__ = ("_begins", "_ends", "_goal", "_overdue", "_pose", "_start", "_straight")
+
+    def __init__(self, robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:
+        super().__init__(robot)
+        self._goal = Point(x, y)
+        self._begins = begins_s
+        self._ends = ends_s
+
+    def begin(self) -> Pause | None:
+        """Look whether the way is free. Raises ActionFailed."""
+        node = self._robot.node
+        pose = node.pose
+        started = node.now
+        assert pose is not None
+        self._pose = pose
+        self._start = start = Point(pose.x, pose.y)
+        goal = self._goal
+        begins = _instant(self._begins)
+        ends = _instant(self._ends)
+        if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
+            bars = solid_between(node.arena, start, goal) or "an obstacle"
+            raise ActionFailed(f"{bars} is in the straight way there")
+        self._straight = Straight(start, goal, begins, ends, node.arena.shape)
+        self._overdue = max(ends, started + ends - begins) + seconds(OVERDUE_S)
+        self._drives = True
+        return self._steer()
+
+    def go_on(self) -> Pause | None:
+        """Steer by the newest pose. Raises ActionFailed."""
+        self._pose = self._robot.node.pose or self._pose
+        return self._steer()
+
+    def _steer(self) -> Pause | None:
+        node = self._robot.node
+        if self._straight.ended(self._pose) and node.now >= _instant(self._ends) - RAMP:
+            self.close()
+            if self._straight.astray(self._pose):
+                raise ActionFailed("the robot has missed the point")
+            return None
+        if node.now > self._overdue:
+            bars = _in_straight_way(node, self._start, self._goal) or "something is"
+            raise ActionFailed(f"{bars} in the straight way there")
+        twist = self._straight.steer(node.now, self._pose)
+        self._robot.drive(twist.v, twist.w)
+        return Pause(condition=_at_once)
+
+
+def _at_once() -> bool:
+    return True
+
+
+def _in_straight_way(node: ActionHost, start: Point, goal: Point) -> str:
+    """Return who is in the straight way, subject and verb: those that stand there, else those that drive there."""
+    standing = robots_near(node.arena, (start, goal), node.peers.standing(node.now))
+    if standing:
+        return standing
+    places = {heard.robot: Point(heard.pose.x, heard.pose.y) for heard in node.peers.driving(node.now)}
+    driving = near_polyline(node.arena, (start, goal), places)
+    return robots_named(driving, "drive") if driving else ""
+
+
+def _instant(at_s: float) -> Instant:
+    """Return an instant of lab time, from seconds of any size."""
+    return seconds(min(max(0.0, at_s), LAST_S))
