@@ -9,7 +9,7 @@ from process_tools import Stage, wait_until
 
 from rmr.bytecode import codec
 from rmr.lang.compiler import compile_source
-from rmr_agent.state_folder import JOURNAL
+from rmr_agent.state_files import JOURNAL
 
 pytestmark = pytest.mark.slow
 
