@@ -387,6 +387,9 @@ class LabFile(_Strict):
     finish: str | None = Field(None, description="A fact that every robot holds in the end: at(R, exit).")
     quorum: Annotated[Quorum, BeforeValidator(quorum_value), WithJsonSchema(QUORUM_SCHEMA)] = ALL
     arena: ArenaSpec
+    map: Annotated[str, Field(min_length=1)] | None = Field(
+        None, description="Floor from an image or the map.yaml of a ROS map server, relative to this file."
+    )
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
     bottleneck: Bottleneck | None = None

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from rmr.base.arena import Area, Arena, Obstacle, RobotShape
+from rmr.base.arena import Area, Arena, Obstacle, Polygon, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
@@ -19,7 +19,7 @@ from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart
-from rmr_world.lab_geometry import area_of, grid_poses, obstacles_of
+from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
 from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import StatedFact
 from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec
@@ -46,6 +46,8 @@ class LabDraft:
         """Names of all areas in the file, of wrong ones too: a reference to these is no further error."""
         self.obstacles = self._obstacles()
         """The convex parts of each obstacle, with its index in the file."""
+        self.map_boxes = self._map_boxes()
+        """What the map blocks."""
         self.areas = self._areas()
         self.arena = self._arena()
         self.robots = self._robots()
@@ -113,7 +115,7 @@ class LabDraft:
             width,
             height,
             spec.arena.cell,
-            tuple(part for _, parts in self.obstacles for part in parts),
+            tuple(part for parts in (*(parts for _, parts in self.obstacles), self.map_boxes) for part in parts),
             shape=shape,
             areas=tuple(area for _, area in self.areas.values()),
             beacons=self._beacons(),
@@ -128,6 +130,25 @@ class LabDraft:
             except ValueError as error:
                 self.errors.append(self.error(("obstacles", i), str(error)))
         return built
+
+    def _map_boxes(self) -> list[Obstacle]:
+        name = self.spec.map
+        if name is None or "arena" in self.cut:
+            return []
+        # The imaging library doubles the start-up time of a lab without a map.
+        from rmr_world.floor_map import MapError, boxes, read_map  # noqa: PLC0415
+
+        width, height = self.spec.arena.size
+        try:
+            floor = read_map(self.path.parent / name)
+            if floor.size_m is not None and max(abs(floor.size_m[0] - width), abs(floor.size_m[1] - height)) > 1e-6:
+                said = ", ".join(f"{length:g}" for length in floor.size_m)
+                self.errors.append(self.error(("arena", "size"), f"should be [{said}], the size of {name}"))
+                return []
+            return [Polygon(box_corners(box)) for box in boxes(floor, width, height)]
+        except MapError as error:
+            self.errors.append(self.error(("map",), str(error)))
+            return []
 
     def _areas(self) -> dict[str, tuple[AreaSpec, Area]]:
         built = {}

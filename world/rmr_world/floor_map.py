@@ -1,0 +1,173 @@
+"""A floor from an image: the blocked cells of an occupancy grid, as boxes.
+
+The image is any that Pillow reads, with dark pixels where the floor is blocked, or the ``map.yaml`` of a ROS map server
+(https://docs.nav2.org, "map_server"), which names an image, its resolution and its thresholds. What a map does not know
+is blocked: no robot can go there. The lower left corner of the image is the origin of the arena.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from PIL import Image, UnidentifiedImageError
+
+Box = tuple[float, float, float, float]
+"""x0, y0, x1, y1, metres."""
+
+PIXELS_MAX: Final = 4_000_000
+"""Bound of the pixels of an image: 100 m x 100 m at 5 cm."""
+BOXES_MAX: Final = 3000
+"""Bound of the boxes of a map."""
+SUFFIXES: Final = (".yaml", ".yml")
+"""Endings of the map files of ROS; anything else is an image."""
+OCCUPIED: Final = 0.65
+FREE: Final = 0.25
+"""Defaults of the thresholds of ROS: a share of darkness above `OCCUPIED` is blocked, one below `FREE` is free."""
+DARK: Final = 0.5
+"""The one threshold of an image alone."""
+STRETCH_MAX: Final = 0.01
+"""How much wider than high a pixel may be, or the other way round, as a share."""
+
+KNOWN: Final = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
+
+
+class MapError(ValueError):
+    """A map that cannot be used; the message is for the author of the lab file."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorMap:
+    """The cells of a floor."""
+
+    blocked: np.ndarray
+    """Shape (rows, columns), bool; row 0 is at the lower edge."""
+    resolution_m: float | None
+    """Edge of a cell; None: the map does not say."""
+
+    @property
+    def size_m(self) -> tuple[float, float] | None:
+        """Width and height of the floor, if the map says how large it is."""
+        if self.resolution_m is None:
+            return None
+        rows, columns = self.blocked.shape
+        return round(columns * self.resolution_m, 9), round(rows * self.resolution_m, 9)
+
+
+def read_map(path: Path) -> FloorMap:
+    """Return the map in a file: a map file of ROS or an image. Raises MapError."""
+    if path.suffix not in SUFFIXES:
+        return FloorMap(_darkness(path) > DARK, None)
+    about = _about(path)
+    darkness = _darkness(path.parent / about["image"])
+    if about["negate"]:
+        darkness = 1.0 - darkness
+    return FloorMap(darkness >= about["free_thresh"], about["resolution"])
+
+
+def boxes(floor: FloorMap, width_m: float, height_m: float) -> list[Box]:
+    """Return boxes that cover the blocked cells and nothing else, on a floor of this size.
+
+    They may overlap. Raises MapError if there are too many, if nothing is free, or if the image has other proportions.
+    """
+    rows, columns = floor.blocked.shape
+    across, up = width_m / columns, height_m / rows
+    if abs(across / up - 1.0) > STRETCH_MAX:
+        raise MapError(
+            f"has {columns} x {rows} pixels, which do not fit an arena of {width_m:g} m x {height_m:g} m: "
+            f"a pixel would be {across:.4g} m wide and {up:.4g} m high"
+        )
+    if floor.blocked.all():
+        raise MapError("has no free floor: light pixels are free, dark ones blocked")
+    return [
+        (round(c0 * across, 9), round(r0 * up, 9), round(c1 * across, 9), round(r1 * up, 9))
+        for r0, c0, r1, c1 in _rectangles(floor.blocked)
+    ]
+
+
+def _rectangles(blocked: np.ndarray) -> list[tuple[int, int, int, int]]:
+    """Return rectangles of cells (first row and column, row and column after the last) that cover the blocked ones.
+
+    From the first cell that is not covered, each grows as far as it can along one axis, then along the other, and the
+    larger of the two ways counts. Covered cells may be covered again: so a wall and the one across it are two boxes.
+    """
+    left = blocked.copy()
+    found: list[tuple[int, int, int, int]] = []
+    while True:
+        cell = int(np.argmax(left))
+        r, c = divmod(cell, left.shape[1])
+        if not left[r, c]:
+            return found
+        if len(found) == BOXES_MAX:
+            raise MapError(f"needs more than {BOXES_MAX} boxes: take an image with larger pixels, or without speckles")
+        along = _run(blocked[r, c:])
+        wide = (along, _run(blocked[r:, c : c + along].all(axis=1)))
+        upward = _run(blocked[r:, c])
+        high = (_run(blocked[r : r + upward, c:].all(axis=0)), upward)
+        columns, rows = max(wide, high, key=math.prod)
+        left[r : r + rows, c : c + columns] = False
+        found.append((r, c, r + rows, c + columns))
+
+
+def _run(cells: np.ndarray) -> int:
+    """Return how many cells from the first one on are blocked."""
+    return int(np.argmin(cells)) if not cells.all() else len(cells)
+
+
+def _darkness(path: Path) -> np.ndarray:
+    """Return the darkness of each pixel, 0 (white) to 1 (black), the lowest row first. Raises MapError."""
+    try:
+        with Image.open(path) as image:
+            if image.width * image.height > PIXELS_MAX:
+                raise MapError(f"{path.name} has {image.width} x {image.height} pixels, more than {PIXELS_MAX}")
+            paper = Image.new("RGBA", image.size, "white")
+            paper.alpha_composite(image.convert("RGBA"))
+            grey = np.asarray(paper.convert("L"), dtype=np.float64)
+    except UnidentifiedImageError:
+        raise MapError(f"{path.name} is no image that can be read (PNG, PGM, BMP, TIFF, JPEG)") from None
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise MapError(f"{path.name} cannot be read: {reason}") from None
+    return 1.0 - grey[::-1] / 255.0
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """Return the contents of a map file of ROS, checked. Raises MapError."""
+    try:
+        about = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise MapError(f"{path.name} cannot be read: {error.strerror or error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MapError(f"{path.name} is no YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(about, dict) or "image" not in about or "resolution" not in about:
+        raise MapError(f"{path.name} is no map file of ROS: it should have the keys image and resolution")
+    if unknown := sorted(map(str, about.keys() - set(KNOWN))):
+        raise MapError(f"{path.name} has the unknown key {unknown[0]}; known are {', '.join(KNOWN)}")
+    if not isinstance(about["image"], str):
+        raise MapError(f"{path.name}: image should be a file name")
+    about = {"negate": 0, "occupied_thresh": OCCUPIED, "free_thresh": FREE, "mode": "trinary", **about}
+    for key, least, most in (("resolution", 1e-4, 10.0), ("occupied_thresh", 0.0, 1.0), ("free_thresh", 0.0, 1.0)):
+        if not _number(about[key]) or not least <= about[key] <= most:
+            raise MapError(f"{path.name}: {key} should be a number from {least:g} to {most:g}, not {about[key]!r}")
+    if about["free_thresh"] > about["occupied_thresh"]:
+        raise MapError(f"{path.name}: free_thresh should be at most occupied_thresh")
+    if about["negate"] not in (0, 1):
+        raise MapError(f"{path.name}: negate should be 0 or 1, not {about['negate']!r}")
+    if about["mode"] not in ("trinary", "scale"):
+        raise MapError(f"{path.name}: mode should be trinary or scale, not {about['mode']!r}")
+    _check_origin(path, about.get("origin", [0.0, 0.0, 0.0]))
+    return about
+
+
+def _check_origin(path: Path, origin: object) -> None:
+    """Raise MapError unless the origin is three numbers, the last one, an angle, 0."""
+    if not isinstance(origin, list) or len(origin) != 3 or not all(map(_number, origin)):
+        raise MapError(f"{path.name}: origin should be [x, y, yaw], not {origin!r}")
+    if origin[2] != 0:
+        raise MapError(f"{path.name}: a yaw of {origin[2]:g} rad is not supported: turn the image")
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
