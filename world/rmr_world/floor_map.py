@@ -103,9 +103,9 @@ def _rectangles(blocked: np.ndarray) -> list[tuple[int, int, int, int]]:
         if len(found) == BOXES_MAX:
             raise MapError(f"needs more than {BOXES_MAX} boxes: take an image with larger pixels, or without speckles")
         along = _run(blocked[r, c:])
-        wide = (along, _run(blocked[r:, c : c + along].all(axis=1)))
+        wide = (along, _run(np.all(blocked[r:, c : c + along], axis=1)))
         upward = _run(blocked[r:, c])
-        high = (_run(blocked[r : r + upward, c:].all(axis=0)), upward)
+        high = (_run(np.all(blocked[r : r + upward, c:], axis=0)), upward)
         columns, rows = max(wide, high, key=math.prod)
         left[r : r + rows, c : c + columns] = False
         found.append((r, c, r + rows, c + columns))
