@@ -37,7 +37,7 @@ fast: $(STAMP) ## compile what robots spend their time in: the same results in l
 wheel: $(STAMP) ## a wheel in dist/; with RMR_COMPILE=1 one with compiled modules, for this machine's Python
 	$(BIN)/python -m hatchling build --target wheel
 
-test: $(STAMP) ## a verdict in four minutes: all tests but the slow ones
+test: $(STAMP) ## a verdict in about four minutes: all tests but the slow ones
 	RMR_COMPILED= $(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal $(XDIST)
 
 test-fast: $(STAMP) ## the fast tests alone, under a minute, to run while one edits

@@ -40,29 +40,18 @@ FAULTS_FOR = seconds(12)
 HEALED = seconds(80)
 """Longer than a delivery of an ordinary fact lives, and than the longest pause between two repeats of a lasting one."""
 
-PROGRAM = """
+TYPES = """
 type waiting(robot, int).
 type free(robot, int).
 type tool(robot, int).
 type !got(robot, int, int).
 type !gave(robot, int, int).
-waiting(A, X), free(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
 """
-KEPT = """
-type waiting(robot, int).
-type free(robot, int).
-type tool(robot, int).
-type !got(robot, int, int).
-type !gave(robot, int, int).
-waiting(A, X), $tool(A, _), free(B, Y), peer(A, B), X % 3 = Y % 3 -o got(A, X, Y), gave(B, X, Y).
+PROGRAM = f"""{TYPES}waiting(A, X), free(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
 """
-MUTUAL = """
-type waiting(robot, int).
-type free(robot, int).
-type tool(robot, int).
-type !got(robot, int, int).
-type !gave(robot, int, int).
-waiting(A, X), waiting(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
+KEPT = f"""{TYPES}waiting(A, X), $tool(A, _), free(B, Y), peer(A, B), X % 3 = Y % 3 -o got(A, X, Y), gave(B, X, Y).
+"""
+MUTUAL = f"""{TYPES}waiting(A, X), waiting(B, Y), peer(A, B) -o got(A, X, Y), gave(B, X, Y).
 """
 """Every robot offers to every other one: what waits is used on either side."""
 TRIO = """
