@@ -9,20 +9,23 @@ import heapq
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from random import Random
 from typing import Any
 
 from rmr.base.time import NEVER, NS_PER_MS, Instant
-from rmr.coord import events
+from rmr.coord import events, messages
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
-from rmr.coord.messages import Beacon, Job, Phase, Sched, decode
+from rmr.coord.messages import Beacon, Job, Phase, Sched
 from rmr.coord.states import Passage, Role
 from rmr.coord.timing import Timing
 
 MS = NS_PER_MS
 EVENT = b"corrid"
 TICK = 16 * MS
+decode = lru_cache(maxsize=256)(messages.decode)
+"""For the checkers, which look at a frame once for each robot that hears it; the cores decode for themselves."""
 
 
 def ms(value: float) -> int:

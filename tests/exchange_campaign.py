@@ -1,7 +1,8 @@
 """Random histories of the exchange of facts: two robots over a network that loses, doubles, delays and reorders frames.
 
-The sender and the receiver are restarted. At the end the network is healed; then nothing may be missing, doubled or out
-of order beyond what the documentation allows (`problems`).
+The sender and the receiver are killed and restarted after a while. At the end the network is healed; then nothing may
+be missing, doubled or out of order beyond what the documentation allows (`problems`). A delivery that takes effect in
+two lives of the receiver is doubled: a relay may have handed it on before it died.
 
 Run as a program for a long campaign: ``python exchange_campaign.py FIRST LAST``; each failing seed is printed.
 """
@@ -31,6 +32,12 @@ class Sent:
     """The receiver's life that acknowledged it."""
     given_up: Instant = 0
     """When; 0: it was not."""
+    outlived: bool = False
+    """It was given up because the receiver was restarted."""
+    first_sent: Instant = NEVER
+    """When its first frame left."""
+    needless: bool = False
+    """It was given up though it left after the end of the life that the receiver had told of."""
 
 
 @dataclass
@@ -52,6 +59,12 @@ class History:
         """(arrival, number, destination, frame)."""
         self.kept: list[tuple[int, bytes]] = []
         self.count = 0
+        self.dead: list[Instant | None] = [None, None]
+        """Since when a robot is dead; None: it lives."""
+        self.ended: Instant = 0
+        """When the receiver's last life but the present one ended."""
+        self.tells_end = self.rng.random() < 0.5
+        """Whether the host knows when the receiver died; otherwise its start is what it tells."""
         self.loss = self.rng.choice((0.0, 0.2, 0.5, 0.8))
         self.double = self.rng.choice((0.0, 0.3))
         self.late = self.rng.choice((0, LATE_MAX))
@@ -60,7 +73,7 @@ class History:
         """Run the history; return what is wrong."""
         rng = self.rng
         for _ in range(rng.randint(1, 120)):
-            match rng.choices(("send", "wait", "old", "long", "restart"), (60, 60, 8, 1, 2))[0]:
+            match rng.choices(("send", "wait", "old", "long", "restart", "kill"), (60, 60, 8, 1, 2, 2))[0]:
                 case "send":
                     self._send(rng.choice((1, 1, 1, 4, 20)))
                 case "wait":
@@ -71,7 +84,12 @@ class History:
                     self._until(self.now + seconds(rng.choice((2, 10, 40))))
                 case "restart" if self.restarts:
                     self._restart(rng.choice((SENDER, RECEIVER)))
+                case "kill" if self.restarts:
+                    self._kill(rng.choice((SENDER, RECEIVER)))
             self._settle()
+        for robot in (SENDER, RECEIVER):
+            if self.dead[robot] is not None:
+                self._restart(robot)
         self.loss = self.double = self.late = 0
         self.healed = self.now
         self._until(NEVER)
@@ -79,6 +97,9 @@ class History:
 
     def problems(self):
         """Yield what is wrong once all is quiet."""
+        everything = [index for indices in self.arrived for index in indices]
+        if len(set(everything)) != len(everything):
+            yield "two lives of the receiver got the same delivery"
         for life, indices in enumerate(self.arrived):
             if len(set(indices)) != len(indices):
                 yield f"life {life} of the receiver got something twice"
@@ -89,7 +110,9 @@ class History:
             yield "something is under way or held back for ever"
         taken = {index for indices in self.arrived for index in indices}
         for index, sent in enumerate(self.sent):
-            if sent.given_up > self.healed + seconds(2):
+            if sent.needless:
+                yield f"delivery {index} was given up though no earlier life of the receiver can have got it"
+            if sent.given_up > self.healed + seconds(2) and not sent.outlived:
                 yield f"delivery {index} was given up over a perfect network"
             if index in taken or sent.given_up:
                 continue
@@ -99,6 +122,8 @@ class History:
                 yield f"delivery {index} was lost, or acknowledged and never took effect"
 
     def _send(self, count: int) -> None:
+        if self.dead[SENDER] is not None:
+            return
         for _ in range(count):
             ordered = self.rng.random() < 0.8
             life = self.lives[SENDER]
@@ -110,10 +135,20 @@ class History:
             delivery = Delivery(DeliveryRole.FACT, index, ())
             self.robots[SENDER].send(self.now, RECEIVER, delivery, body, due=due, ordered=ordered)
 
+    def _kill(self, robot: int) -> None:
+        if self.dead[robot] is None:
+            self.dead[robot] = self.now
+            self.robots[robot] = Exchange(9, 0, Random(0))  # says nothing, and is told nothing
+
     def _restart(self, robot: int) -> None:
+        self._kill(robot)
         self.lives[robot] += 1
         self.robots[robot] = Exchange(9, self.lives[robot], Random(self.lives[robot]))
+        ended, self.dead[robot] = self.dead[robot], None
+        assert ended is not None
+        self.robots[robot].predecessor_ended = ended if self.tells_end else self.now
         if robot == RECEIVER:
+            self.ended = ended
             self.arrived.append([])
 
     def _until(self, end: Instant) -> None:
@@ -136,6 +171,8 @@ class History:
     def _take(self, destination: int, frame: bytes) -> None:
         robot = self.robots[destination]
         source = 1 - destination
+        if self.dead[destination] is not None:
+            return
         match frame[0]:
             case PayloadKind.FACT_ACK:
                 robot.acknowledged(self.now, frame, source)
@@ -143,6 +180,8 @@ class History:
                 robot.base_told(self.now, frame, source)
             case PayloadKind.FACT_BASE_WANTED:
                 robot.asked(frame, source)
+            case PayloadKind.FACT_LIFE:
+                robot.life_told(self.now, frame, source)
             case _:
                 before = robot.delivered
                 robot.received(self.now, frame, source)
@@ -169,8 +208,11 @@ class History:
             for arrival in arrivals:
                 self.arrived[-1].append(int.from_bytes(robot.hand_on(arrival)[:4], "big"))
             for news in robot.news:
-                if news.outcome is Outcome.UNDELIVERED:
-                    self.sent[news.delivery.index].given_up = self.now
+                if news.outcome in (Outcome.UNDELIVERED, Outcome.OUTLIVED):
+                    sent = self.sent[news.delivery.index]
+                    sent.given_up = self.now
+                    sent.outlived = news.outcome is Outcome.OUTLIVED
+                    sent.needless = sent.outlived and self.tells_end and sent.first_sent >= self.ended
             robot.news.clear()
             for frame, destination, _ in robot.outbox:
                 assert destination == 1 - index
@@ -179,6 +221,11 @@ class History:
 
     def _carry(self, destination: int, frame: bytes) -> None:
         self.kept.append((destination, frame))
+        if frame[0] in (PayloadKind.FACT, PayloadKind.FRAGMENT):
+            fact = payloads.decode_fact_frame(frame)
+            if fact.part == 0:
+                sent = self.sent[int.from_bytes(fact.piece[:4], "big")]
+                sent.first_sent = min(sent.first_sent, self.now)
         for _ in range(1 + (self.rng.random() < self.double)):
             if self.rng.random() >= self.loss:
                 self.count += 1

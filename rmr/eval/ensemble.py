@@ -99,6 +99,7 @@ class Hosted:
         self.node = ensemble.make_node(robot, self._link)
         self.idle = False
         self.alive = True
+        self._killed_at: Instant = 0
         self.past: list[dict[str, Any]] = []
         """Report parts of the robot's earlier incarnations."""
         self.firings = 0
@@ -119,6 +120,8 @@ class Hosted:
 
     def kill(self) -> None:
         """Kill the robot's process: it is not called and does not answer any more."""
+        if self.alive:
+            self._killed_at = self._ensemble.kernel.now
         self.alive = False
         self._alarm.set(NEVER)
         self._ensemble.ether.switch_off(self._link)
@@ -130,7 +133,7 @@ class Hosted:
         self.alive = True
         self.firings = 0
         self._link = self._ensemble.ether.link(self.robot, self._alarm.set)
-        self.node = self._ensemble.make_node(self.robot, self._link, epoch=len(self.past))
+        self.node = self._ensemble.make_node(self.robot, self._link, len(self.past), self._killed_at)
         self._ensemble.note_idle(self, False)
         self.start(now)
 
@@ -189,7 +192,7 @@ class Ensemble:
         self.busy = len(self.robots)
         """Robots that are not idle."""
 
-    def make_node(self, robot: int, link: Any, epoch: int = 0) -> Node:
+    def make_node(self, robot: int, link: Any, epoch: int = 0, ended: Instant | None = None) -> Node:
         """Return the node of `robot`."""
         conditions = self.conditions
         config = NodeConfig(
@@ -199,6 +202,7 @@ class Ensemble:
             conditions.seed,
             facts=tuple(self._facts_of(robot)),
             epoch=epoch,
+            predecessor_ended=ended,
             trace=TraceLevel.NOTES if self._sink is None else TraceLevel.FIRINGS,
             turn=max(self.acting.longest, TURN_MIN),
             engine=conditions.engine,

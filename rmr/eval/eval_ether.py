@@ -33,7 +33,9 @@ RSSI_DBM = -40.0
 LQI = 255
 """Link quality of every reception: the best value of IEEE 802.15.4."""
 
-NUMBERS_ALONE = frozenset({PayloadKind.FACT_ACK, PayloadKind.FACT_BASE, PayloadKind.FACT_BASE_WANTED})
+NUMBERS_ALONE = frozenset(
+    {PayloadKind.FACT_ACK, PayloadKind.FACT_BASE, PayloadKind.FACT_BASE_WANTED, PayloadKind.FACT_LIFE}
+)
 """Kinds of frames that carry only sequence numbers of deliveries; they are not counted as messages."""
 COORDINATION_LAST = 0x0F
 """First octets up to this belong to coordination (`rmr.node.payloads`)."""

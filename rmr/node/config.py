@@ -49,6 +49,8 @@ class NodeConfig:
     """The fact that ends the robot's part; None: nothing does."""
     epoch: int = 0
     """Number of earlier starts; distinguishes its messages from those of an earlier life."""
+    predecessor_ended: Instant | None = None
+    """An instant at which the robot's life before this one had ended; None: only its start is known to be later."""
     phase: Duration = 0
     """Delay of its frames to those of the lab: hosts that share a machine spread theirs."""
     trace: TraceLevel = TraceLevel.NOTES

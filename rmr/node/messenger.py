@@ -156,6 +156,8 @@ class Messenger:
                 self._take_up(now)
             case PayloadKind.FACT_BASE_WANTED:
                 self.exchange.asked(payload, frame.source)
+            case PayloadKind.FACT_LIFE:
+                self.exchange.life_told(now, payload, frame.source)
             case PayloadKind.FAILURE:
                 self._failure(now, frame)
             case kind:

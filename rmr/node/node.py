@@ -130,6 +130,8 @@ class Node:
         """Insert the initial facts and begin."""
         self.state.now = now
         self._started = True
+        ended = self.config.predecessor_ended
+        self.messenger.exchange.predecessor_ended = now if ended is None else ended
         self.machine.start(now)
         life = shared_of(self.program).life
         if life is not None:

@@ -31,15 +31,18 @@ class PayloadKind(IntEnum):
     """First octet of a payload."""
 
     FACT = 0x10
-    """digest 2, epoch 1, sequence 2 (bit 15: unordered; ordered and unordered are numbered apart), body."""
+    """address 2 (`address`), epoch 1, sequence 2 (bit 15: unordered; both kinds are numbered apart), body."""
     FACT_ACK = 0x11
     """epoch 1, sequence 2."""
     FRAGMENT = 0x12
-    """digest 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
+    """address 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
     FACT_BASE = 0x13
-    """digest 2, epoch 1, sequence 2: the first ordered delivery to the receiver that the sender is not done with."""
+    """address 2, epoch 1, sequence 2: the first ordered delivery to the receiver that the sender is not done with."""
     FACT_BASE_WANTED = 0x14
     """epoch 1: a receiver that holds back deliveries of this life of the other robot asks for its `FACT_BASE`."""
+    FACT_LIFE = 0x15
+    """life 1, instant 8: a receiver answers what is addressed to an earlier life of it. The instant is one at which the
+    life before had ended, in nanoseconds of lab time."""
     HELLO = 0x20
     """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2,
     up to 6 octets: whom the sender hears (`rmr.node.peers.link_sensing`)."""
@@ -116,6 +119,7 @@ HELLO_LIST_OCTETS_MAX: Final = 6  # 19 % of the airtime without a list: 15 octet
 _HELLO: Final = struct.Struct(">BHhhBbBBhh")
 _FACT: Final = struct.Struct(">BHBH")
 _ACK: Final = struct.Struct(">BBH")
+_LIFE: Final = struct.Struct(">BBQ")
 _FRAGMENT: Final = struct.Struct(">BHBHBB")
 _FAILURE: Final = struct.Struct(">BHB")
 FACT_BODY_OCTETS_MAX: Final = PAYLOAD_OCTETS_MAX - _FACT.size
@@ -163,7 +167,7 @@ def _cm(metres: float) -> int:
 class FactFrame(NamedTuple):
     """One frame of a delivery; a delivery that fits has one part."""
 
-    digest: int
+    address: int
     epoch: int
     """The sender's start count: after a restart sequence numbers begin anew."""
     sequence: int
@@ -172,18 +176,31 @@ class FactFrame(NamedTuple):
     piece: bytes
 
 
+def address(digest: int, life: int) -> int:
+    """Return whom deliveries are for, 16 bits: robots of a program, in the life with this number (of 8 bits).
+
+    For first lives it is the program's digest, so that a life costs no octet.
+    """
+    return (digest ^ (life & 0xFF) << 8) & 0xFFFF
+
+
+def addressed(frame: bytes, to: int) -> bytes:
+    """Return a frame of a delivery with another address."""
+    return frame[:1] + to.to_bytes(2, "big") + frame[3:]
+
+
 def encode_fact_frames(
-    digest: int, epoch: int, sequence: int, body: bytes, payload_max: int = PAYLOAD_OCTETS_MAX
+    to: int, epoch: int, sequence: int, body: bytes, payload_max: int = PAYLOAD_OCTETS_MAX
 ) -> list[bytes]:
-    """Return the payloads that carry `body`: one, or fragments. Raises WireError when it is too large."""
+    """Return the payloads that carry `body` to an `address`: one, or fragments. Raises WireError if it is too large."""
     if _FACT.size + len(body) <= payload_max:
-        return [_FACT.pack(PayloadKind.FACT, digest & 0xFFFF, epoch & 0xFF, sequence) + body]
+        return [_FACT.pack(PayloadKind.FACT, to, epoch & 0xFF, sequence) + body]
     piece = payload_max - _FRAGMENT.size
     pieces = [body[i : i + piece] for i in range(0, len(body), piece)]
     if len(pieces) > PARTS_MAX:
         raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * piece} octets")
     return [
-        _FRAGMENT.pack(PayloadKind.FRAGMENT, digest & 0xFFFF, epoch & 0xFF, sequence, part, len(pieces)) + piece
+        _FRAGMENT.pack(PayloadKind.FRAGMENT, to, epoch & 0xFF, sequence, part, len(pieces)) + piece
         for part, piece in enumerate(pieces)
     ]
 
@@ -192,14 +209,14 @@ def decode_fact_frame(payload: bytes) -> FactFrame:
     """Return the fact or fragment in `payload`. Raises WireError."""
     try:
         if payload[0] == PayloadKind.FACT:
-            _, digest, epoch, sequence = _FACT.unpack_from(payload)
-            return FactFrame(digest, epoch, sequence, 0, 1, payload[_FACT.size :])
-        _, digest, epoch, sequence, part, parts = _FRAGMENT.unpack_from(payload)
+            _, to, epoch, sequence = _FACT.unpack_from(payload)
+            return FactFrame(to, epoch, sequence, 0, 1, payload[_FACT.size :])
+        _, to, epoch, sequence, part, parts = _FRAGMENT.unpack_from(payload)
     except struct.error as error:
         raise WireError(f"fact: {error}") from error
     if not 0 <= part < parts <= PARTS_MAX:
         raise WireError(f"fact: part {part} of {parts}")
-    return FactFrame(digest, epoch, sequence, part, parts, payload[_FRAGMENT.size :])
+    return FactFrame(to, epoch, sequence, part, parts, payload[_FRAGMENT.size :])
 
 
 def encode_ack(epoch: int, sequence: int) -> bytes:
@@ -216,20 +233,20 @@ def decode_ack(payload: bytes) -> tuple[int, int]:
     return epoch, sequence
 
 
-def encode_base(digest: int, epoch: int, sequence: int) -> bytes:
-    """Return the payload that says from which ordered delivery on a receiver has to wait for missing ones."""
-    return _FACT.pack(PayloadKind.FACT_BASE, digest & 0xFFFF, epoch & 0xFF, sequence)
+def encode_base(to: int, epoch: int, sequence: int) -> bytes:
+    """Return the payload that says from which ordered delivery on the `address` has to wait for missing ones."""
+    return _FACT.pack(PayloadKind.FACT_BASE, to, epoch & 0xFF, sequence)
 
 
 def decode_base(payload: bytes) -> tuple[int, int, int]:
-    """Return (digest, epoch, sequence). Raises WireError."""
+    """Return (address, epoch, sequence). Raises WireError."""
     try:
-        _, digest, epoch, sequence = _FACT.unpack(payload)
+        _, to, epoch, sequence = _FACT.unpack(payload)
     except struct.error as error:
         raise WireError(f"first delivery: {error}") from error
     if sequence >> 15:
         raise WireError("first delivery: an unordered number")
-    return digest, epoch, sequence
+    return to, epoch, sequence
 
 
 def encode_base_wanted(epoch: int) -> bytes:
@@ -242,6 +259,20 @@ def decode_base_wanted(payload: bytes) -> int:
     if len(payload) != 2:
         raise WireError(f"question for the first delivery: {len(payload)} octets instead of 2")
     return payload[1]
+
+
+def encode_life(life: int, ended: Instant) -> bytes:
+    """Return the payload by which a robot tells its life, and an instant at which the one before had ended."""
+    return _LIFE.pack(PayloadKind.FACT_LIFE, life & 0xFF, ended)
+
+
+def decode_life(payload: bytes) -> tuple[int, Instant]:
+    """Return (life, instant). Raises WireError."""
+    try:
+        _, life, ended = _LIFE.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"life: {error}") from error
+    return life, ended
 
 
 def encode_failure(digest: int, assertion: int | None) -> bytes:

@@ -15,7 +15,7 @@ from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.driver import Driver
-from rmr.node.logic.exchange import DeliveryProgress, Stage
+from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import Spoken
@@ -336,7 +336,7 @@ class HistoryListener:
         key = (self._robot, event.peer, event.epoch, event.sequence)
         if event.stage is Stage.BEGUN:
             self.history.sent[key] = DeliverySpan(key, now, self._order, self._sending)
-        elif event.stage is Stage.GIVEN_UP and key in self.history.sent:
+        elif event.stage in WHY_GIVEN_UP and key in self.history.sent:
             self.history.sent[key].given_up = now
 
     def _spoken(self, now: Instant, event: Spoken) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import ANY, Constant, Pattern, Program
 from rmr.coord.events import ScheduleChanged, SlotAssigned
-from rmr.node.logic.exchange import DeliveryProgress, Stage
+from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
 from rmr.vm.derive import Chain, DerivedKind
 from rmr.vm.evaluate import same
 from rmr.vm.job import TimedJob
@@ -308,7 +308,7 @@ class MindIndex:
                 send.acknowledged = at
             else:
                 send.given_up = at
-                send.why = "no acknowledgement"
+                send.why = WHY_GIVEN_UP[stage]
 
     def _closed(self, predicate: int, args: tuple[object, ...]) -> PastGoal | None:
         """Return the goal that is no longer open."""

@@ -18,6 +18,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.lang.read.tree_builder": "one class, a method for each rule of the grammar",
     "rmr.lang.read.syntax": "the nodes of the syntax tree, one record for each rule of the grammar",
     "rmr.node.logic.exchange": "one protocol: what is sent, repeated, received and renewed shares one state",
+    "rmr.node.payloads": "one table of the kinds of frames, with how each is written and read",
     "rmr.vm.generate.body": "the search of a body and that of a fold in it, which need each other",
     "rmr.vm.machine": "what both engines share: one state and the orders that change it",
     "rmr.vm.goal_ways": "one state: steps of the graph, found backwards and kept up to date fact by fact",

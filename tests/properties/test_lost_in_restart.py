@@ -36,10 +36,15 @@ def carried(folder, seed):
     )  # fmt: skip
 
 
+def held(report):
+    """Return the parcels that the robots have at the end."""
+    facts = [fact for part in report["robots"].values() for fact in part["facts"]]
+    return [fact.split(", ")[1] for fact in facts if fact.startswith("parcel")]
+
+
 def missing(report):
     """Return how many parcels no robot has at the end."""
-    held = {fact.split(", ")[1] for part in report["robots"].values() for fact in part["facts"] if fact[:6] == "parcel"}
-    return PARCELS - len(held)
+    return PARCELS - len(set(held(report)))
 
 
 @pytest.mark.medium
@@ -49,6 +54,7 @@ def test_parcels_that_relays_lose_in_restarts_are_counted_and_told(tmp_path):
         result = carried(tmp_path, seed)
         parts = result.report["robots"]
         lost = missing(result.report)
+        assert len(held(result.report)) == len(set(held(result.report))), "no parcel is doubled"
         counted = sum(part.get("lost_in_restart", 0) for part in parts.values())
         undelivered = sum(part["undelivered"] for part in parts.values())
         assert lost <= counted + undelivered

@@ -379,6 +379,15 @@ def test_fact_accepted_twice_is_reported(tmp_path, monkeypatch):
     assert ("delivery", (1, 2), "robot 2 accepted the same message of robot 1 twice") in found(simulation)
 
 
+def test_fact_accepted_by_two_lives_of_a_robot_is_reported(tmp_path, monkeypatch):
+    deaf_until_s(monkeypatch, 5)
+    faults = "[{at: 0.4s, kill: 2}, {at: 1s, restart: 2}]"
+    simulation = small_lab(tmp_path, GREETING, robots=2, duration="4s", faults=faults)
+    monkeypatch.setattr(Exchange, "_is_meant", lambda *_: True)
+    simulation.run()
+    assert found(simulation) == [("delivery", (1, 2), "two lives of robot 2 accepted the same message of robot 1")]
+
+
 def test_fact_acknowledged_but_not_accepted_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(Exchange, "tell", property(lambda self: self.told, keep_all_but_accepted), raising=False)
     simulation = greeting(tmp_path)

@@ -41,8 +41,8 @@ FRAMES_MAX: Final = 512
 
 T = TypeVar("T")
 
-MakeNode = Callable[[Ports, int], Node]
-"""Makes the node of an incarnation from the robot's ports and its epoch."""
+MakeNode = Callable[[Ports, int, Instant | None], Node]
+"""Makes the node of an incarnation from the robot's ports, its epoch, and when the one before it was killed."""
 
 
 def _taken(queue: deque[T]) -> list[T]:
@@ -75,11 +75,12 @@ class SimulatedRobot:
         self.alive = True
         self.served = True
         """Whether the host serves the robot normally: neither dead, stalled nor slow."""
+        self._killed_at: Instant | None = None
         self._stalled_until: Instant = 0
         self._slow_until: Instant = 0
         self._every: Duration = 0
         self.still = True
-        self.node = make_node(self._ports, 0)
+        self.node = make_node(self._ports, 0, None)
         self.node_alarm = Alarm(host.kernel, ROBOT, self.tick)
         self._slow_alarm = Alarm(host.kernel, ROBOT, self._slow_tick)
         self._called: Instant = NEVER
@@ -200,6 +201,8 @@ class SimulatedRobot:
 
     def kill(self) -> None:
         """Kill the process: its node is not called any more and its station is off."""
+        if self.alive:
+            self._killed_at = self._host.now
         self.alive = False
         node = self.node
         if self._disk is not None and isinstance(node, DurableNode):
@@ -228,7 +231,7 @@ class SimulatedRobot:
             queue.clear()
         self._samples_dropped = self._frames_dropped = 0
         self.alive = self.still = True
-        self.node = self._make_node(self._ports, epoch)
+        self.node = self._make_node(self._ports, epoch, self._killed_at)
         if self.programs is None:
             self.node.start(now)
         else:

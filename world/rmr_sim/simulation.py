@@ -124,8 +124,8 @@ class Simulation(RobotHost):
         def maker(robot: int, disk: Disk | None) -> MakeNode:
             lasting = replace(config, robot=robot, facts=tuple(facts[robot]))
 
-            def make(ports: Ports, epoch: int) -> Node:
-                own = replace(lasting, epoch=epoch)
+            def make(ports: Ports, epoch: int, ended: Instant | None) -> Node:
+                own = replace(lasting, epoch=epoch, predecessor_ended=ended)
                 acting = handlers if self._fresh is None else self._fresh()
                 if disk is not None:
                     return durable_node(disk, own, program, ports, acting, digest)

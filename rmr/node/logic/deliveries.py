@@ -17,7 +17,7 @@ from rmr.bytecode.hidden_words import hidden_label
 from rmr.bytecode.program import SENT_DUTIES, Duty, Kind
 from rmr.node import payloads
 from rmr.node.logic.deadlines import Deadlines
-from rmr.node.logic.exchange import Exchange, News, Outcome
+from rmr.node.logic.exchange import STAGES, WHY_GIVEN_UP, Exchange, News, Outcome
 from rmr.node.logic.outbound import Outgoing
 from rmr.node.logic.symbol_numbers import symbols_of
 from rmr.node.payloads import Delivery, DeliveryRole, WireError
@@ -163,8 +163,9 @@ class Deliveries:
                 self._outcome(now, each)
 
     def _outcome(self, now: Instant, news: News) -> None:
-        if news.outcome is Outcome.UNDELIVERED:
-            self._give_up(now, news.destination, news.delivery, "no acknowledgement")
+        why = WHY_GIVEN_UP.get(STAGES[news.outcome])
+        if why is not None:
+            self._give_up(now, news.destination, news.delivery, why)
         else:
             self._note(now, news.outcome.value, news.destination, news.delivery)
             other = self._decisions.get(news.delivery.index) if self._decisions else None

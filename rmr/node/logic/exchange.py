@@ -13,6 +13,13 @@ done with (`FACT_BASE`), again and again; a sender that gives something up says 
 answer comes for `HELD_MAX`, or the sender begins another life, what is held back takes effect in its order, without
 what is missing.
 
+A delivery takes effect in one life of its receiver at most. Frames are addressed to the life that the sender knows of,
+at first to number 0. A receiver drops what is meant for an earlier life of it and answers with its own, and with an
+instant at which the earlier one had ended (`FACT_LIFE`). What the sender first sent before that instant it gives up as
+`Outcome.OUTLIVED`: the earlier life may have taken it and passed it on. All else it sends to the new life. No receiver
+forgets its own number, and a frame is first sent after its delivery was addressed; so the earlier life cannot have
+taken what the new one takes. `lasting` deliveries are the exception: they are repeated to each life.
+
 Nothing is handed on twice, however late a copy comes. The receiver keeps windows of sequence numbers for the newest
 epoch of each sender. Frames of an older epoch are late ones of a life that has ended: no sender awaits their
 acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
@@ -30,10 +37,10 @@ from enum import Enum
 from random import Random
 from typing import Final, NamedTuple
 
-from rmr.base.time import NEVER, Duration, Instant, seconds
+from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import payloads
 from rmr.node.logic.inbound import UNORDERED, Arrival, Inbound, ahead
-from rmr.node.logic.outbound import ROUTINE_WITHIN, Outgoing, Recipient
+from rmr.node.logic.outbound import RETRY_FIRST, ROUTINE_WITHIN, Outgoing, Recipient
 from rmr.node.payloads import Delivery, WireError
 
 RETRY_MAX: Final[Duration] = seconds(1)
@@ -49,6 +56,10 @@ several times in between."""
 HELD_MAX: Final[Duration] = TIME_TO_LIVE + seconds(5)
 """Time for which a delivery is held back at most. By then its sender has given up whatever was missing when it came,
 for that was sent before it."""
+GREET_AFTER: Final[Duration] = milliseconds(50)
+"""Shortest time between two answers to a robot that means an earlier life: the frames of one burst get one answer."""
+CLOCKS_APART: Final[Duration] = seconds(1)
+"""How far the clocks of two robots may differ; a life that ended later than that is a malformed word."""
 WAITING_MAX: Final = 10_000
 """Deliveries that may wait for one robot; more are refused, so that a program that talks to a dead robot stays bounded.
 They and what is in flight have different sequence numbers."""
@@ -66,6 +77,8 @@ class Outcome(Enum):
     """It was sent again."""
     UNDELIVERED = "undelivered"
     """It was given up; the other robot may have got it all the same, if all its acknowledgements were lost."""
+    OUTLIVED = "outlived"
+    """It was given up, as the life of the other robot that may have got it has ended."""
 
 
 class News(NamedTuple):
@@ -88,12 +101,20 @@ class Stage(Enum):
     """It takes effect after it was held back for an earlier one."""
     ACKNOWLEDGED = "acknowledged"
     GIVEN_UP = "given up"
+    OUTLIVED = "outlived"
+    """Given up because its receiver was restarted."""
 
 
-_STAGES: Final = {
+STAGES: Final = {
     Outcome.DELIVERED: Stage.ACKNOWLEDGED,
     Outcome.REPEATED: Stage.REPEATED,
     Outcome.UNDELIVERED: Stage.GIVEN_UP,
+    Outcome.OUTLIVED: Stage.OUTLIVED,
+}
+"""The stage that an outcome is."""
+WHY_GIVEN_UP: Final = {
+    Stage.GIVEN_UP: "no acknowledgement",
+    Stage.OUTLIVED: "its receiver was restarted before it had acknowledged",
 }
 
 
@@ -106,6 +127,8 @@ class DeliveryProgress(NamedTuple):
     epoch: int
     """The sender's."""
     sequence: int
+    lasting: bool = False
+    """Of one that begins: whether it is never given up, and is repeated to each life of its receiver."""
 
 
 Renewal = Callable[[Delivery], tuple[Delivery, bytes] | None]
@@ -119,6 +142,10 @@ class Exchange:
         self._payload_max = payload_max
         self._digest = digest & 0xFFFF
         self._epoch = epoch & 0xFF
+        self.predecessor_ended: Instant = 0
+        """An instant at which this robot's life before this one had ended, told to those that mean that one."""
+        self._greeted: tuple[int, Instant] = (-1, 0)
+        """The robot that was told this life last, and when."""
         self._rng = rng
         self._peers: dict[int, Recipient] = {}
         self._senders: OrderedDict[int, Inbound] = OrderedDict()
@@ -147,7 +174,7 @@ class Exchange:
         """Times at which held deliveries took effect without an earlier one: after `HELD_MAX`, or in another life of
         their sender."""
         self.late = 0
-        """Frames of a sender's earlier life, dropped."""
+        """Frames of a sender's earlier life, or meant for one of this robot, dropped."""
         self.foreign = 0
         """Frames of another program, dropped."""
 
@@ -188,10 +215,11 @@ class Exchange:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         queue = peer.ordered if ordered else peer.unordered
         sequence = queue.next_number if ordered else queue.next_number | UNORDERED
-        frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
+        to = payloads.address(self._digest, peer.life)
+        frames = payloads.encode_fact_frames(to, self._epoch, sequence, body, self._payload_max)
         outgoing = Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE, due, now, lasting=lasting)
         queue.push(outgoing)
-        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence))
+        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting))
         self._fill(now, destination, peer)
         return outgoing
 
@@ -213,7 +241,7 @@ class Exchange:
 
     def _tell(self, outcome: Outcome, outgoing: Outgoing) -> None:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
-        self.tell(DeliveryProgress(_STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
+        self.tell(DeliveryProgress(STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
     def _transmit(self, now: Instant, outgoing: Outgoing, due: Instant) -> None:
         due = min(due, now + ROUTINE_WITHIN)
@@ -282,7 +310,29 @@ class Exchange:
     def _say_base(self, destination: int) -> None:
         peer = self._peers.get(destination)
         base = 0 if peer is None else peer.ordered.base
-        self.outbox.append((payloads.encode_base(self._digest, self._epoch, base), destination, NEVER))
+        to = payloads.address(self._digest, 0 if peer is None else peer.life)
+        self.outbox.append((payloads.encode_base(to, self._epoch, base), destination, NEVER))
+
+    def life_told(self, now: Instant, payload: bytes, source: int) -> None:
+        """Handle a receiver's word that it is in another life than deliveries were meant for. Raises WireError."""
+        life, ended = payloads.decode_life(payload)
+        if ended > now + CLOCKS_APART:
+            raise WireError("life: the one before has not ended yet")
+        peer = self._peers.get(source)
+        if peer is None or life == peer.life or ended < peer.predecessor_ended:
+            return
+        peer.heard = now
+        for outgoing in peer.begin_life(life, ended, payloads.address(self._digest, life)):
+            self._tell(Outcome.OUTLIVED, outgoing)
+        if peer.ordered.base != peer.ordered.next_number:
+            self._say_base(source)  # before the deliveries: what comes first
+        for outgoing in (*peer.ordered.in_flight.values(), *peer.unordered.in_flight.values()):
+            outgoing.wait = RETRY_FIRST
+            self._transmit(now, outgoing, peer.queue(outgoing.sequence).due(outgoing))
+        for outgoing in peer.unordered.parked.values():
+            outgoing.next_send = now
+        self._repeat_at = self.next_wake = now
+        self._fill(now, source, peer)
 
     def change_program(self, now: Instant, digest: int, renewed: Renewal, body_of: Callable[[bytes], bytes]) -> None:
         """Go on with another program: what is under way, waits or is held back keeps its number, encoded anew.
@@ -297,7 +347,7 @@ class Exchange:
         for destination, peer in self._peers.items():
             gave_up = False
             for outgoing in peer.under_way():
-                if not self._renew(outgoing, renewed(outgoing.delivery)):
+                if not self._renew(outgoing, renewed(outgoing.delivery), peer.life):
                     peer.remove(outgoing)
                     gave_up = True
                     self.tell(DeliveryProgress(Stage.GIVEN_UP, destination, self._epoch, outgoing.sequence))
@@ -306,12 +356,13 @@ class Exchange:
             self._fill(now, destination, peer, gave_up)
         self._repeat_at = self.next_wake = now
 
-    def _renew(self, outgoing: Outgoing, found: tuple[Delivery, bytes] | None) -> bool:
+    def _renew(self, outgoing: Outgoing, found: tuple[Delivery, bytes] | None, life: int) -> bool:
         if found is None:
             return False
         with suppress(WireError):  # too large, as the new program has no numbers for its symbols
             sequence = outgoing.sequence
-            frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, found[1], self._payload_max)
+            to = payloads.address(self._digest, life)
+            frames = payloads.encode_fact_frames(to, self._epoch, sequence, found[1], self._payload_max)
             outgoing.delivery = found[0]
             outgoing.frames = frames
             return True
@@ -322,8 +373,7 @@ class Exchange:
     def received(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle a fact frame; what takes effect is appended to `arrivals`. Raises WireError."""
         frame = payloads.decode_fact_frame(payload)
-        if frame.digest != self._digest:
-            self.foreign += 1
+        if not self._is_meant(now, frame.address, source):
             return
         sender = self._sender(source, frame.epoch)
         if sender is None:
@@ -352,14 +402,26 @@ class Exchange:
 
     def base_told(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle a sender's word which ordered delivery is the first that will come. Raises WireError."""
-        digest, epoch, base = payloads.decode_base(payload)
-        if digest != self._digest:
-            self.foreign += 1
+        to, epoch, base = payloads.decode_base(payload)
+        if not self._is_meant(now, to, source):
             return
         sender = self._sender(source, epoch)
         if sender is not None:
             self.arrivals += sender.begin_at(base)
             self._expect(now, sender)
+
+    def _is_meant(self, now: Instant, to: int, source: int) -> bool:
+        """Return whether a frame with the address `to` is for this life of this robot; answer what is for another."""
+        if to == payloads.address(self._digest, self._epoch):
+            return True
+        if (to ^ self._digest) & 0xFF:
+            self.foreign += 1
+            return False
+        self.late += 1
+        if self._greeted[0] != source or now >= self._greeted[1] + GREET_AFTER:
+            self._greeted = source, now
+            self.outbox.append((payloads.encode_life(self._epoch, self.predecessor_ended), source, NEVER))
+        return False
 
     def hand_on(self, arrival: Arrival) -> bytes:
         """Take note that an arrival takes effect now; return its body."""

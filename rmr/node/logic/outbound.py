@@ -11,6 +11,7 @@ from heapq import heappop, heappush
 from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
+from rmr.node import payloads
 from rmr.node.logic.inbound import ORDERED_WINDOW, SEQUENCE_MASK, UNORDERED, UNORDERED_WINDOW
 from rmr.node.payloads import Delivery
 
@@ -43,6 +44,10 @@ class Outgoing:
     wait: Duration = RETRY_FIRST
     lasting: bool = False
     """It is never given up: it is repeated until it is acknowledged."""
+
+    def meant_for(self, to: int) -> None:
+        """Give all its frames another address (`payloads.address`)."""
+        self.frames = [payloads.addressed(frame, to) for frame in self.frames]
 
     def waited(self, now: Instant) -> Duration:
         """Return for how long it has waited for others to leave."""
@@ -186,6 +191,10 @@ class Recipient:
     unordered: UnorderedQueue = field(default_factory=UnorderedQueue)
     heard: Instant = -seconds(3600)
     """When it last acknowledged something."""
+    life: int = 0
+    """The life of it that deliveries are meant for, 8 bits; of one that has not told its life, the first."""
+    predecessor_ended: Instant = -1
+    """An instant at which the life before had ended, as the robot has told; -1: it has told none."""
 
     @property
     def waiting(self) -> int:
@@ -202,6 +211,21 @@ class Recipient:
         ordered, unordered = self.ordered, self.unordered
         waiting = [*ordered.waiting, *unordered.waiting()]
         return [*ordered.in_flight.values(), *unordered.in_flight.values(), *waiting]
+
+    def begin_life(self, life: int, ended: Instant, to: int) -> list[Outgoing]:
+        """Mean a new life of the robot, with the address `to`; remove and return what an earlier one may have received.
+
+        That is what was sent for the first time before the earlier life had ended. The rest is the new life's.
+        Lasting deliveries stay: their programs tell lives apart themselves.
+        """
+        self.life = life
+        self.predecessor_ended = ended
+        lost = [each for each in self.under_way() if each.sent < ended and not each.lasting]
+        for outgoing in lost:
+            self.remove(outgoing)
+        for outgoing in (*self.under_way(), *self.unordered.parked.values()):
+            outgoing.meant_for(to)
+        return lost
 
     def remove(self, outgoing: Outgoing) -> None:
         """Give up a delivery that is in flight or waits."""

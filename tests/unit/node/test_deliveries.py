@@ -260,4 +260,4 @@ def test_every_outcome_of_a_delivery_is_noted():
     assert [entry["fact"] for entry in flock.noted(1, "repeated")] == ["hello(@2)"]
     assert [entry["fact"] for entry in flock.noted(1, "delivered")] == ["hello(@2)"]
     assert [entry["fact"] for entry in flock.noted(2, "received")] == ["hello(@2)"]
-    assert {outcome.value for outcome in Outcome} == {"delivered", "repeated", "undelivered"}
+    assert {outcome.value for outcome in Outcome} == {"delivered", "repeated", "undelivered", "outlived"}

@@ -1,11 +1,13 @@
 """Rule: no fact, goal or action that one live robot sends another is lost or duplicated.
 
 The receiver's node accepts a message exactly once, or the sender reports it undelivered. In the second case it may have
-been accepted as well, if all acknowledgements were lost. A restarted robot has no memory of what it accepted.
+been accepted as well, if all acknowledgements were lost. No two lives of a receiver accept the same message, unless it
+is a lasting one, of an ensemble rule.
 """
 
 import heapq
 from collections import OrderedDict
+from typing import TypeVar
 
 from rmr.base.time import Duration, Instant
 from rmr.node.logic.exchange import TIME_TO_LIVE, DeliveryProgress, Stage
@@ -15,8 +17,9 @@ CHECK = "delivery"
 LOOK_AFTER: Duration = 2 * TIME_TO_LIVE
 """Age at which an undecided delivery is checked: longer than any delivery takes unless it waits for others."""
 ACCEPTED_MAX = 100_000
-"""Bound of the acceptances that are kept, the newest ones; a duplicate comes within seconds."""
+"""Bound of the acceptances and lasting deliveries that are kept, the newest; a duplicate comes within seconds."""
 
+T = TypeVar("T")
 Name = tuple[int, int, int, int]
 """Identity of a delivery: sender, the sender's epoch, receiver, sequence number."""
 
@@ -30,6 +33,8 @@ class DeliveryChecker:
         """Deliveries under way, with the incarnation of the sender."""
         self._accepted: OrderedDict[tuple[Name, int], None] = OrderedDict()
         """Acceptances, with the incarnation of the receiver."""
+        self._lasting: OrderedDict[Name, None] = OrderedDict()
+        """Deliveries that are repeated to each life of their receivers."""
         self._look: list[tuple[Instant, Name]] = []
         view.subscribe(DeliveryProgress, self._progressed)
 
@@ -45,6 +50,8 @@ class DeliveryChecker:
         name = (robot, epoch, peer, sequence)
         if progress.stage is Stage.BEGUN:
             self._open[name] = self._view.life(robot)
+            if progress.lasting:
+                _remember(self._lasting, name)
             for life in range(self._view.life(peer) + 1 if peer in self._view.robots else 0):
                 self._accepted.pop((name, life), None)  # the sequence number has wrapped around
             heapq.heappush(self._look, (now + LOOK_AFTER, name))
@@ -60,9 +67,10 @@ class DeliveryChecker:
         if key in self._accepted:
             words = f"robot {receiver} accepted the same message of robot {sender} twice"
             self._view.violate(now, CHECK, (sender, receiver), words)
-        self._accepted[key] = None
-        if len(self._accepted) > ACCEPTED_MAX:
-            self._accepted.popitem(last=False)
+        elif name not in self._lasting and self._was_accepted(name):
+            words = f"two lives of robot {receiver} accepted the same message of robot {sender}"
+            self._view.violate(now, CHECK, (sender, receiver), words)
+        _remember(self._accepted, key)
 
     def _was_accepted(self, name: Name) -> bool:
         return any((name, life) in self._accepted for life in range(self._view.life(name[2]) + 1))
@@ -81,3 +89,10 @@ class DeliveryChecker:
                 view.violate(now, CHECK, (sender, receiver), words)
             else:
                 heapq.heappush(self._look, (now + LOOK_AFTER, name))
+
+
+def _remember(known: OrderedDict[T, None], name: T) -> None:
+    """Add a name; the oldest ones are forgotten."""
+    known[name] = None
+    if len(known) > ACCEPTED_MAX:
+        known.popitem(last=False)
