@@ -78,6 +78,7 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int, phase
         facts=tuple(_fitted(program, *fact) for fact in known.facts if fact[1] in {None, robot}),
         finish=finish,
         epoch=epoch,
+        predecessor_ended=known.predecessor_ended,
         phase=phase,
     )
 

@@ -167,6 +167,8 @@ class Map(NamedTuple):
     """One of `CLOCK_STATES`."""
     disturbances: tuple[Disturbance, ...]
     """Of the radio, as in `Disturbances`."""
+    predecessor_ended: Instant | None = None
+    """An instant at which the robot's process before this one had ended; None: it is not known, or there was none."""
 
 
 class Truth(NamedTuple):
@@ -358,6 +360,7 @@ _LAB: Final = (
     optional(_PATTERN),
     one_of(CLOCK_STATES),
     _HELD,
+    optional(instant),
 )
 _BODY: Final = group(robot, place, place, quantity, length)
 

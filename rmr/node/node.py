@@ -131,7 +131,7 @@ class Node:
         self.state.now = now
         self._started = True
         ended = self.config.predecessor_ended
-        self.messenger.exchange.predecessor_ended = now if ended is None else ended
+        self.messenger.exchange.predecessor_ended = max(0, now if ended is None else ended)
         self.machine.start(now)
         life = shared_of(self.program).life
         if life is not None:

@@ -25,6 +25,7 @@ from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import LEASE_MS, Bus
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
+from rmr_world.incarnation_claims import IncarnationClaims
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
 from rmr_world.late_commands import LateCommands
@@ -48,9 +49,6 @@ TRUTH_EVERY = 6
 
 STATUS_S = 0.5
 """Period of the world's own status. Before lab time runs, samples have a third of this period."""
-
-CLAIM_S = 1.0
-"""How long a claim is valid without a liveliness token, which a robot declares within milliseconds."""
 
 JUDGE_S = 0.2
 """Delay from the loss of a token to the decision on it: a loss of the world's own connection shows within this time."""
@@ -90,8 +88,7 @@ class WorldServer:
         self._alive: set[int] = set()
         self._vanished: set[int] = set()
         """Robots whose token has vanished and that are not given up yet."""
-        self._claims: dict[int, tuple[int, float]] = {}
-        self._tokens: dict[int, list[int]] = {}
+        self._incarnations = IncarnationClaims()
         self._ready: set[int] = set()
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
@@ -176,25 +173,10 @@ class WorldServer:
         known = self._map._replace(clock=self._time.state, disturbances=self._disturbances.held)
         if robot not in self._lab.roster:
             return known._replace(listed=False)
-        taken = self._taken(robot, token)
-        if not taken:
-            self._claims[robot] = token, time.monotonic()
-            tokens = self._tokens.setdefault(robot, [])
-            if token not in tokens:
-                tokens.append(token)
-        return known._replace(taken=taken, lives=self._lives(robot, token))
-
-    def _lives(self, robot: int, token: int) -> int:
-        """Return the number of earlier processes of `robot`: the incarnation of the one with `token`."""
-        tokens = self._tokens.get(robot, [])
-        return tokens.index(token) if token in tokens else len(tokens)
-
-    def _taken(self, robot: int, token: int) -> bool:
-        claim = self._claims.get(robot)
-        if claim is None or claim[0] == token:
-            return False
         alive = robot in self._alive and robot not in self._vanished
-        return alive or time.monotonic() - claim[1] < CLAIM_S
+        taken = not self._incarnations.claim(robot, token, time.monotonic(), alive=alive)
+        lives, ended = self._incarnations.life(robot, token)
+        return known._replace(taken=taken, lives=lives, predecessor_ended=ended)
 
     def _answer_clock(self, message: wire.Envelope, arrived: int) -> wire.Message | None:
         if not isinstance(message.body, wire.AskClock):
@@ -256,6 +238,7 @@ class WorldServer:
             return
         if not alive:
             self._vanished.add(robot)
+            self._incarnations.vanished(robot, self._bounded_now())
             asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot)
             return
         self._vanished.discard(robot)
@@ -274,7 +257,7 @@ class WorldServer:
         self._vanished.discard(robot)
         self._alive.discard(robot)
         self._ready.discard(robot)
-        self._claims.pop(robot, None)
+        self._incarnations.release(robot)
         log.info("robot %d has left", robot)
 
     # -- physics ------------------------------------------------------------------------------------------------

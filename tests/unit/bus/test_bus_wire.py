@@ -173,6 +173,7 @@ MESSAGES = {
         st.none() | st.tuples(names, st.lists(st.none() | values, **lists).map(tuple)),
         st.sampled_from(wire.CLOCK_STATES),
         st.lists(disturbances, **lists).map(tuple),
+        st.none() | instants,
     ),
     wire.Truth: st.builds(
         wire.Truth,
