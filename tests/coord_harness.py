@@ -19,6 +19,7 @@ from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
 from rmr.coord.messages import Beacon, Job, Phase, Sched
 from rmr.coord.states import Passage, Role
+from rmr.coord.term import Term
 from rmr.coord.timing import Timing
 
 MS = NS_PER_MS
@@ -50,6 +51,8 @@ class Entry:
     """What its robot had heard of the others as it entered."""
     announced: Instant
     """The end of the passage as the robot announced it last."""
+    estimated: Instant
+    """Its end by the estimate that the leader had when it gave the slot."""
 
 
 @dataclass
@@ -129,8 +132,8 @@ class Model:
         self.frames = 0
         self.by_kind: dict[int, int] = {}
         self.senders: dict[tuple[int, int], int] = {}
-        self.told: dict[int, Instant] = {}
-        """When each robot last sent a JOB, which it does only while it waits."""
+        self.told: dict[int, tuple[Instant, Term]] = {}
+        """When each robot last sent a JOB, which it does only while it waits, and the term that it followed then."""
         self.yielded: set[tuple[int, Instant]] = set()
         """Slots that their owners have said to give up, by robot and start."""
         self.promised: dict[tuple[tuple[int, int], int, Instant], Instant] = {}
@@ -397,7 +400,7 @@ class Model:
         entry = Entry(
             mind.robot, job.trigger, job.direction, self.now, self.now + job.duration + mind.overrun,
             slot.start, slot.rank, (slot.term, slot.leader), event.cautious, dict(mind.heard),
-            self.now + job.duration + mind.overrun,
+            self.now + job.duration + mind.overrun, self.now + job.duration,
         )  # fmt: skip
         if any(e.robot == mind.robot and e.trigger == job.trigger for e in self.entries):
             self.violations.append(f"{mind.robot} entered twice for one job")
@@ -418,10 +421,10 @@ class Model:
         if entry.cautious:
             return
         since = self.now - self.timing.claim.quiet - self.timing.claim.beacon
-        as_announced = self.now < other.announced
+        as_estimated = self.now < other.estimated
         if (
             entry.term == other.term
-            and as_announced
+            and as_estimated
             and not self.forgot(entry.term[1], other.start - self.timing.schedule.lease)
         ):
             self.violations.append(text + " under one term")
@@ -440,8 +443,9 @@ class Model:
             terms = "one term, leader restarted"
         else:
             terms = "one term"
-        way = "with caution" if entry.cautious else "as announced" if self.now < other.announced else "overdue"
-        return f"{terms}, {way}"
+        way = "as announced" if self.now < other.estimated else "beyond its estimate"
+        way = way if self.now < other.announced else "overdue"
+        return f"{terms}, {'with caution' if entry.cautious else way}"
 
     def _hear_each_other(self, robot: int, other: int, since: Instant) -> bool:
         """Whether both have been awake and linked since `since`, by links that are as good in both directions."""
@@ -493,7 +497,7 @@ class Model:
                 self.violations.append(f"term {message.term} has two senders")
             self._check_frozen(message)
         if isinstance(message, Job):
-            self.told[mind.robot] = message.time
+            self.told[mind.robot] = message.time, message.term
         if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.YIELD:
             self.yielded.add((message.who, message.start))
         if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN:
@@ -508,7 +512,9 @@ class Model:
             promised = self.promised.get(key)
             if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
                 log = self.minds[entry.robot].log if entry.robot in self.minds else []
-                waits = self.told.get(entry.robot, -NEVER) > promised + self.timing.schedule.window
+                told, followed = self.told.get(entry.robot, (-NEVER, sched.term))
+                # A slot ends with the term that it is of: an owner that waits under another one has none.
+                waits = told > promised + (0 if followed != sched.term else self.timing.schedule.window)
                 let_pass = (
                     waits
                     or (entry.robot, promised) in self.yielded
@@ -516,7 +522,7 @@ class Model:
                         isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
                     )
                 )
-                over = sched.issued > promised + entry.duration + self.timing.schedule.window
+                over = sched.issued >= promised + entry.duration + self.timing.schedule.window
                 if not let_pass and not over and not self.stalled_after(entry.robot, 0):
                     self.violations.append(f"frozen slot of {entry.robot} moved at {self.now / MS}")
                 del self.promised[key]
