@@ -13,7 +13,8 @@ Three mechanisms keep processes from outliving a run:
   bus was opened, which has threads.
 
 Every process leads a session and a process group of its own, so that Ctrl-C in the terminal reaches the launcher alone,
-which then stops the run in order. What a user's action has started is in its robot's group and ends with it.
+which then stops the run in order. What a user's action has started is in its robot's group and ends with it, unless it
+leads a session of its own.
 """
 
 import asyncio

@@ -314,12 +314,15 @@ class Exchange:
         self.outbox.append((payloads.encode_base(to, self._epoch, base), destination, NEVER))
 
     def life_told(self, now: Instant, payload: bytes, source: int) -> None:
-        """Handle a receiver's word that it is in another life than deliveries were meant for. Raises WireError."""
+        """Handle a receiver's word that it is in another life than deliveries were meant for. Raises WireError.
+
+        The last word counts, whatever its number: a late or forged one is contradicted by the receiver's next answer.
+        """
         life, ended = payloads.decode_life(payload)
         if ended > now + CLOCKS_APART:
             raise WireError("life: the one before has not ended yet")
         peer = self._peers.get(source)
-        if peer is None or life == peer.life or ended < peer.predecessor_ended:
+        if peer is None or life == peer.life:
             return
         peer.heard = now
         for outgoing in peer.begin_life(life, ended, payloads.address(self._digest, life)):

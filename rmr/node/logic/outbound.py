@@ -193,8 +193,6 @@ class Recipient:
     """When it last acknowledged something."""
     life: int = 0
     """The life of it that deliveries are meant for, 8 bits; of one that has not told its life, the first."""
-    predecessor_ended: Instant = -1
-    """An instant at which the life before had ended, as the robot has told; -1: it has told none."""
 
     @property
     def waiting(self) -> int:
@@ -213,13 +211,13 @@ class Recipient:
         return [*ordered.in_flight.values(), *unordered.in_flight.values(), *waiting]
 
     def begin_life(self, life: int, ended: Instant, to: int) -> list[Outgoing]:
-        """Mean a new life of the robot, with the address `to`; remove and return what an earlier one may have received.
+        """Mean another life of the robot, with the address `to`; remove and return what an earlier one may have got.
 
-        That is what was sent for the first time before the earlier life had ended. The rest is the new life's.
+        That is what was first sent before the instant `ended`, when the earlier life had ended. The rest is sent to the
+        new one.
         Lasting deliveries stay: their programs tell lives apart themselves.
         """
         self.life = life
-        self.predecessor_ended = ended
         lost = [each for each in self.under_way() if each.sent < ended and not each.lasting]
         for outgoing in lost:
             self.remove(outgoing)

@@ -128,13 +128,25 @@ def test_a_restarted_sender_reaches_a_receiver_that_has_been_restarted_often():
     assert talk(sender, receiver, BACK_AT) == [b"y"]
 
 
-def test_a_word_of_an_earlier_life_that_comes_late_changes_nothing():
+def test_a_word_of_an_earlier_life_that_comes_late_costs_a_round_trip_only():
     sender = exchange()
     sender.send(BACK_AT, RECEIVER, FACT, b"x")
     early, newer = payloads.encode_life(1, KILLED_AT), payloads.encode_life(2, KILLED_AT + milliseconds(1))
     for word in (newer, early):
         give(sender, BACK_AT, [word], RECEIVER)
     assert talk(sender, exchange(2, KILLED_AT + milliseconds(1)), BACK_AT) == [b"x"]
+
+
+def test_a_forged_life_is_contradicted_by_the_receiver():
+    sender, receiver = exchange(), exchange()
+    sender.send(0, RECEIVER, FACT, b"lost to the forger")
+    leaving(sender)
+    give(sender, BACK_AT, [payloads.encode_life(77, BACK_AT)], RECEIVER)
+    for body in (b"x", b"y"):
+        sender.send(BACK_AT, RECEIVER, FACT, body)
+        assert talk(sender, receiver, BACK_AT) == [body]
+    outcomes = [news.outcome for news in sender.news]
+    assert outcomes == [Outcome.OUTLIVED, Outcome.DELIVERED, Outcome.DELIVERED]
 
 
 def test_a_life_that_will_have_ended_is_malformed():

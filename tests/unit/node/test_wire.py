@@ -16,7 +16,7 @@ INDEX = {name: i for i, name in enumerate(SYMBOLS)}
 
 @given(st.binary(max_size=130))
 def test_random_octets_are_refused_and_never_raise_anything_else(octets):
-    for decode in (payloads.decode_hello, payloads.decode_ack, payloads.decode_failure):
+    for decode in (payloads.decode_hello, payloads.decode_ack, payloads.decode_failure, payloads.decode_life):
         try:
             decode(octets)
         except WireError:
