@@ -147,7 +147,7 @@ def _as_config(data: Mapping[str, Any]) -> NodeConfig:
         facts=tuple((name, owner, args) for name, owner, args in data["facts"]),
         finish=None if data["finish"] is None else _as_finish(data["finish"]),
         epoch=data["epoch"],
-        predecessor_ended=data["predecessor_ended"],
+        predecessor_ended=data.get("predecessor_ended"),  # a log of an older version has none, and is told as such
         phase=data["phase"],
         trace=TraceLevel(data["trace"]),
         engine=Engine(data["engine"]),

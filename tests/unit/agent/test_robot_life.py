@@ -60,6 +60,12 @@ def test_the_finish_pattern_arrives_with_its_anonymous_parts():
     assert node_config(1, known(), PROGRAM, 0).finish is None
 
 
+def test_the_node_knows_when_the_process_before_it_had_ended():
+    told = wire.encode(-1, 1, 1, known()._replace(lives=1, predecessor_ended=5 * MS))
+    assert node_config(1, wire.decode(told).body, PROGRAM, 1).predecessor_ended == 5 * MS
+    assert node_config(1, known(), PROGRAM, 0).predecessor_ended is None
+
+
 def test_processes_have_their_frames_one_after_the_other_and_the_robots_of_one_together():
     roster = (7, 3, 90, 12)
     assert sorted(lives.phase_of(first, roster) for first in roster) == [lives.FRAME * k // 4 for k in range(4)]

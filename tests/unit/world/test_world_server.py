@@ -5,12 +5,13 @@ import asyncio
 import pytest
 from world_labs import LABS
 
-from rmr.base.time import NS_PER_S, tick_start
+from rmr.base.time import NS_PER_S, seconds, tick_start
 from rmr.bus import wire
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending
 from rmr.radio.links import Disturbance, partition
 from rmr_world import server
+from rmr_world.incarnation_claims import CLOCKS_APART
 from rmr_world.lab_file import load_lab
 from rmr_world.server import BEHIND_MAX, CATCH_UP_MAX, WorldServer
 
@@ -95,8 +96,8 @@ class Asked:
         bodies = [body for key, body in self.bus.published if key == "rmr/testbed/disturbances"]
         return [body.held for body in bodies if isinstance(body, wire.Disturbances)]
 
-    def arrives(self, robot: int) -> wire.Map:
-        answer = self.server._answer_map(wire.Envelope(robot, 1, 1, wire.AskMap(robot, 5)), 0)
+    def arrives(self, robot: int, token: int = 5) -> wire.Map:
+        answer = self.server._answer_map(wire.Envelope(robot, 1, 1, wire.AskMap(robot, token)), 0)
         assert isinstance(answer, wire.Map)
         return answer
 
@@ -110,6 +111,15 @@ def test_disturbances_of_the_operator_are_sent_to_present_and_later_robots():
     cleared = world.ask("clear").held
     assert world.told == [held, cleared]
     assert world.arrives(2).disturbances == cleared
+
+
+def test_a_new_process_of_a_robot_is_told_when_the_earlier_one_had_vanished():
+    world = Asked()
+    assert world.arrives(1).predecessor_ended is None
+    world.server._incarnations.release(1)
+    world.server._incarnations.vanished(1, seconds(3))
+    again = world.arrives(1, token=6)
+    assert (again.lives, again.predecessor_ended) == (1, seconds(3) + CLOCKS_APART)
 
 
 def test_disturbances_changed_by_an_operator_are_sent_even_if_cleared_before_the_start():
