@@ -137,6 +137,8 @@ class Model:
         self.yielded: set[tuple[int, Instant]] = set()
         """Slots that their owners have said to give up, by robot and start."""
         self.promised: dict[tuple[tuple[int, int], int, Instant], Instant] = {}
+        self.issued: dict[Term, Instant] = {}
+        """When the newest schedule of a term that has been sent was issued."""
         self.minds = {robot: Mind(self, robot) for robot in self.ids}
 
     # -- driving ---------------------------------------------------------------------------------------
@@ -507,6 +509,10 @@ class Model:
 
     def _check_frozen(self, sched: Sched) -> None:
         """A frozen slot must not move unless its owner let it pass or it is long over."""
+        newest = self.issued.get(sched.term, -NEVER)
+        if sched.issued < newest:  # an answer that left after the next version: no robot takes it for newer
+            return
+        self.issued[sched.term] = sched.issued
         for entry in sched.entries:
             key = (sched.term, entry.robot, entry.trigger)
             promised = self.promised.get(key)

@@ -14,7 +14,7 @@ from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
 from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched, decode, encode
 from rmr.coord.states import Role
-from rmr.coord.term import Term
+from rmr.coord.term import NOBODY, Term
 
 
 def fleet(
@@ -272,6 +272,7 @@ KEPT = {
     3038: "the winner of two claims entered after 500 ms of silence of a rival that had not yielded",
     10001943: "the checker took an owner that waits under another term for one that holds its slot of the old term",
     10005504: "as 10001943",
+    10022695: "as 10001943",
 }
 """Seeds of the wide draw that failed, and why."""
 
@@ -290,6 +291,23 @@ def test_long_stalls_inside_do_not_end_what_was_announced() -> None:
     assert [outcome for outcome in outcomes if not outcome.ok] == []
     assert sum(outcome.overlaps["one term, as announced"] for outcome in outcomes) == 0
     assert all({"links", "echo", "loop", "long stall"} <= set(outcome.kinds) for outcome in outcomes)
+
+
+def test_the_checker_reports_a_frozen_slot_that_moves_and_no_older_version_that_is_sent_later() -> None:
+    def sched(issued: float, start: float) -> Sched:
+        entries = (Entry(2, 0, ms(start), ms(3000), 0, Phase.WAITING),)
+        return Sched(EVENT, ms(issued), Term(1, 1), False, NOBODY, 0, 0, 0, 1, entries)
+
+    model = Model(1, 2)
+    for issued, start in ((5000, 5500), (4990, 5400), (5010, 5500)):
+        model._check_frozen(sched(issued, start))
+    assert model.violations == []
+    model._check_frozen(sched(5020, 5600))
+    assert model.violations == ["frozen slot of 2 moved at 0.0"]
+
+
+def test_seeds_of_the_plain_draw_that_once_failed_do_not_fail_again() -> None:
+    assert run(10112800).ok, "the checker took an older version that was sent later for a slot that moved"
 
 
 def test_an_overlap_of_a_robot_beyond_its_estimate_that_nobody_could_hear_is_counted_and_excused() -> None:
