@@ -122,12 +122,23 @@ class Arena:
     """Ultrasonic beacons of the localisation service."""
     bottleneck: tuple[str, ...] = ()
     """Names of the areas at the entrances of the bottleneck: one, or two if robots enter at both ends."""
+    stations: tuple[tuple[str, int], ...] = ()
+    """Areas that robots hold from before they drive in until they have left, with how many may be there at a time."""
     shape: RobotShape = RobotShape()
     _hash: int = field(init=False, compare=False, repr=False)
     """The hash, computed once, since arenas are keys of caches."""
 
     def __post_init__(self) -> None:
-        parts = (self.width, self.height, self.cell, self.obstacles, self.areas, self.beacons, self.bottleneck)
+        parts = (
+            self.width,
+            self.height,
+            self.cell,
+            self.obstacles,
+            self.areas,
+            self.beacons,
+            self.bottleneck,
+            self.stations,
+        )
         object.__setattr__(self, "_hash", (parts, self.shape).__hash__())
 
     def __hash__(self) -> int:
@@ -136,6 +147,10 @@ class Arena:
     def area(self, name: str) -> Area | None:
         """Return the area called `name`, or None."""
         return next((area for area in self.areas if area.name == name), None)
+
+    def capacity(self, name: str) -> int:
+        """Return how many robots may be in the station `name` at a time; 0 if the area is no station."""
+        return next((capacity for station, capacity in self.stations if station == name), 0)
 
     @property
     def mouths(self) -> tuple[Point, ...]:
@@ -202,6 +217,7 @@ def to_data(arena: Arena) -> dict[str, Any]:
         ],
         "beacons": [list(b) for b in arena.beacons],
         "bottleneck": list(arena.bottleneck),
+        "stations": [[name, capacity] for name, capacity in arena.stations],
         "shape": {
             "radius": arena.shape.radius,
             "speed": arena.shape.speed,
@@ -234,5 +250,8 @@ def from_data(data: dict[str, Any]) -> Arena:
         ),
         beacons=tuple(Point(*b) for b in data["beacons"]),
         bottleneck=tuple(data["bottleneck"]),
+        stations=tuple(
+            (name, capacity) for name, capacity in data.get("stations", ())
+        ),  # recordings of before have none
         shape=RobotShape(**data["shape"]),
     )

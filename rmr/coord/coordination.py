@@ -131,6 +131,12 @@ class Coordination:
         heard = (record.beacon.direction for record in context.fence.records.values())
         return any(direction != EXCLUSIVE for direction in (*listed, *heard))
 
+    def inside(self, now: Instant, group_id: bytes) -> list[int]:
+        """Return the other robots that are to be taken for inside, as far as this one has heard."""
+        group = self._groups.get(group_id)
+        beacons = () if group is None else group.context.fence.inside(now)
+        return sorted(beacon.who for beacon in beacons if beacon.who != self.robot)
+
     def ready(self, now: Instant, group_id: bytes, ready: bool) -> None:
         """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""
         if self._group(group_id).ready(now, ready):

@@ -44,6 +44,9 @@ class JobRequest:
     postpones: bool = False
     """The robot itself tells a later release when it cannot keep its slots, as on its way to a bottleneck: slots that
     it misses are no absence."""
+    capacity: int = 1
+    """How many robots may be inside at a time, of turns that exclude each other: the places of a station. The same for
+    all robots of the group, so frames do not carry it."""
 
 
 @dataclass(frozen=True, slots=True)

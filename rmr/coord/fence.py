@@ -11,6 +11,8 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and h
   nothing while the robot stands inside as far as the host knows: then nobody follows it in, either.
 * Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until it has
   heard that.
+* Where more than one robot may be inside (a station with several places), those that are or may be inside, that are
+  listed before, or whose claims go first are counted, and one enters while fewer than the capacity are.
 * A witness repeats the last beacon of a robot inside that a claimant may not have heard.
 """
 
@@ -19,6 +21,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
+from rmr.coord.term import NOBODY
 from rmr.coord.timing import RECORDS_MAX, Timing, same_direction
 
 
@@ -65,6 +68,10 @@ class Fence:
         self._timing = timing
         self.stands_inside: Callable[[int], bool] = _unknown
         """Whether a robot stands inside as far as the host knows: its silence then ends nothing."""
+        self.capacity = 1
+        """How many robots may be inside at a time, as the newest own job has it."""
+        self._repeated = NOBODY
+        """The robot that was unheard last: of several each has its beacon repeated."""
         self.records: dict[int, Record] = {}
         self.finished: dict[int, Instant] = {}
         """Greatest finished trigger per robot."""
@@ -156,6 +163,32 @@ class Fence:
                 is_open = False  # silence may be a link that fails one way: only its YIELD ends a claim
         return Verdict(is_open, False, cautious)
 
+    def judge_places(self, now: Instant, claim: Claim, listed: set[int]) -> Verdict:
+        """Return whether `claim` may be entered upon now where several robots may be inside.
+
+        Every robot counts that is or may be inside, that is `listed` to go before, or whose claim conflicts. So of
+        `capacity` + 1 robots that have heard of each other the last one to enter counts all the others.
+        """
+        timing = self._timing
+        inside = set(listed)
+        first: set[int] = set()
+        later: set[int] = set()
+        cautious = False
+        for who, record in self.records.items():
+            beacon = record.beacon
+            if who == claim.robot or beacon.phase is Phase.YIELD:
+                continue
+            if beacon.phase is Phase.IN or now > beacon.start + timing.schedule.window:
+                if not self.ended(beacon, now):
+                    inside.add(who)
+                else:
+                    cautious = cautious or now < self.believed(beacon) + 2 * timing.liveness.gone
+            elif self._conflict(claim, beacon):
+                (first if (beacon.start, who) < (claim.start, claim.robot) else later).add(who)
+        if first and len(inside | first) >= self.capacity:
+            return Verdict(False, True, False)
+        return Verdict(len(inside | first | later) < self.capacity, False, cautious)
+
     def _bars(self, beacon: Beacon, now: Instant) -> bool:
         """Return whether nobody follows the sender of `beacon` in: it has been silent for a while where it passes."""
         silent = now >= beacon.time + self._timing.liveness.follow
@@ -168,7 +201,11 @@ class Fence:
         return claim.start <= other.end + window and other.start <= claim.end + window
 
     def unheard(self, now: Instant, claim: Beacon) -> int | None:
-        """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none."""
+        """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none.
+
+        Where several may be inside, not the same one twice in a row.
+        """
+        found = None
         for beacon in self.inside(now):
             silent = now - beacon.time > 2 * self._timing.claim.beacon
             if (
@@ -176,8 +213,11 @@ class Fence:
                 and not same_direction(beacon.direction, claim.direction)
                 and silent
             ):
-                return beacon.who
-        return None
+                if self.capacity == 1 or beacon.who != self._repeated:
+                    self._repeated = beacon.who
+                    return beacon.who
+                found = beacon.who
+        return found
 
     def _bound(self) -> None:
         if len(self.records) > RECORDS_MAX:

@@ -33,7 +33,7 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     held = c.held
     passed = held.parts[0].passed if 0 in held.parts else 0
     headway = c.job.request.headway if c.job is not None else 0
-    ledger = c.ledger = Ledger(c.robot, c.timing, passed, headway)
+    ledger = c.ledger = Ledger(c.robot, c.timing, passed, headway, c.fence.capacity)
     predecessor = any(e.phase not in OVER for e in held.entries())
     c.counter = successor(c.counter)
     c.become(Role.LEADING)

@@ -30,8 +30,10 @@ _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 class Ledger:
     """All jobs of one group, as its leader sees them."""
 
-    def __init__(self, robot: int, timing: Timing, passed: int, headway: Duration) -> None:
+    def __init__(self, robot: int, timing: Timing, passed: int, headway: Duration, capacity: int = 1) -> None:
+        """`capacity`: how many robots may be inside at a time."""
         self._robot = robot
+        self._capacity = capacity
         self._timing = timing
         self._headway = headway
         """For robots whose own headway is not known."""
@@ -250,7 +252,8 @@ class Ledger:
             # Of a provisional job neither release nor deadline is known, so it cannot be placed.
             movable = [one for one in self.bookings.values() if one.robot not in known and not one.provisional]
             if movable:
-                Planner(self._robot, self._timing, now, reorder=reorder, eager=eager).place(standing, movable)
+                planner = Planner(self._robot, self._timing, now, reorder=reorder, eager=eager, capacity=self._capacity)
+                planner.place(standing, movable)
         self._deal(pinned)
         self._trim(now)
         return before != [(booking.start, booking.rank) for booking in self.bookings.values()]

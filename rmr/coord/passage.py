@@ -20,6 +20,7 @@ def begin(c: Context, request: JobRequest) -> None:
     if c.job is not None:
         previous = max(previous, c.job.trigger)
         abandon(c)
+    c.fence.capacity = request.capacity
     c.job = OwnJob(request, identity(request.trigger, previous))
     c.proceed(Passage.WAITING)
 
@@ -144,11 +145,15 @@ def _consider_entry(c: Context, now: Instant) -> bool:
     claimed = job.since + c.quiet(now)
     if now > start + timing.schedule.window or max(now, claimed) > start + timing.schedule.window:
         return miss(c, now)
-    verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.direction))
+    claim = Claim(c.robot, start, end, job.request.headway, job.request.direction)
+    if c.fence.capacity > 1:
+        verdict = c.fence.judge_places(now, claim, _listed_before(c, start))
+    else:
+        verdict = c.fence.judge(now, claim)
     if verdict.lost:
         return miss(c, now)  # a conflicting claim goes first: yield to it
     may_enter = start <= now < job.lease and job.ready and now >= claimed and verdict.open
-    if may_enter and not _waits_for_listed(c, now, start):
+    if may_enter and (c.fence.capacity > 1 or not _waits_for_listed(c, now, start)):
         enter(c, now, cautious=verdict.cautious or _somebody_presumed_gone(c))
         return False
     c.set(Timer.POLL, min(now + timing.claim.poll, start) if now < start else now + timing.claim.entry_poll)
@@ -176,6 +181,22 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
             if first:
                 return True
     return False
+
+
+def _listed_before(c: Context, start: Instant) -> set[int]:
+    """Return the robots that the schedule lists before an own slot at `start` and that are not known to be out.
+
+    Of equal starts the smaller robot is before: so of more robots than there are places one counts all the others.
+    """
+    return {
+        entry.robot
+        for part in c.held.parts.values()
+        for entry in part.entries
+        if entry.start is not None
+        and (entry.start, entry.robot) < (start, c.robot)
+        and entry.phase not in OVER
+        and not c.fence.is_finished(entry.robot, entry.trigger)
+    }
 
 
 def _somebody_presumed_gone(c: Context) -> bool:

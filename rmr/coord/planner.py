@@ -22,8 +22,11 @@ from rmr.coord.timing import Order, Timing
 class Planner:
     """The plan of one leader at one instant."""
 
-    def __init__(self, robot: int, timing: Timing, now: Instant, *, reorder: bool, eager: bool) -> None:
-        """`reorder`: compute a new order; `eager`: the job of the leader itself, `robot`, may start at once."""
+    def __init__(
+        self, robot: int, timing: Timing, now: Instant, *, reorder: bool, eager: bool, capacity: int = 1
+    ) -> None:
+        """`reorder`: compute a new order; `eager`: the job of the leader itself, `robot`, may start at once;
+        `capacity`: how many robots may be inside at a time."""
         self._robot = robot
         self._timing = timing
         self._now = now
@@ -32,7 +35,7 @@ class Planner:
         schedule = timing.schedule
         opposed = schedule.window + 2 * timing.clock_error + schedule.clear
         # Only the leader's own job needs no claim, so that it alone may start before `lead` (`_task`).
-        self._rules = Rules(now if eager else now + schedule.lead, opposed, timing.order)
+        self._rules = Rules(now if eager else now + schedule.lead, opposed, timing.order, capacity)
 
     def place(self, standing: Iterable[Booking], movable: list[Booking]) -> None:
         """Assign slots to the `movable` jobs, behind the slots of those `standing`."""
@@ -51,7 +54,7 @@ class Planner:
         behind = fixed + placed
         rest = [job for job in movable if job.robot not in known]
         tasks = self._ordered(rest, behind)
-        if many:
+        if many and self._rules.capacity == 1:
             # Beyond EXACT_MAX the order is a heuristic: jobs that delay no robot under way go between those.
             tasks = merge(ahead, tasks, fixed, self._rules)
             behind = fixed

@@ -14,7 +14,9 @@ More than `EXACT_MAX` robots stand in each other's way, as a rule with those tha
 are on time go by deadline if that costs nothing, and late ones as early as they can without making another one late.
 """
 
+from bisect import insort
 from collections.abc import Sequence
+from itertools import permutations
 from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant
@@ -27,6 +29,8 @@ EXACT_MAX: Final = 11
 BEAM_WORK: Final = 64_000
 """Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 40."""
 
+PLACES_EXACT_MAX: Final = 5
+"""Jobs of a station with several places of which all orders are tried: 120 orders, a few milliseconds."""
 NEW_MAX: Final = 5
 """Greatest number of new jobs that are inserted into the known order; with more there is little to keep."""
 
@@ -64,6 +68,8 @@ class Rules(NamedTuple):
     opposed: Duration
     """Least gap between opposite directions, in addition to the duration."""
     order: Order = Order.OURS
+    capacity: int = 1
+    """Greatest number of robots inside at a time; more than one only of turns that exclude each other."""
 
 
 def gap(first: Task | Placed, second: Task | Placed, opposed: Duration) -> Duration:
@@ -113,12 +119,19 @@ class _Chart:
     def __init__(self, standing: Sequence[Placed], rules: Rules) -> None:
         self._rules = rules
         self._fronts: dict[int, _Front] = {}
+        self._ends: list[Instant] = []
+        """Where several may be inside: the ends of all that has been placed, in order."""
         for item in standing:
-            self._fronts.setdefault(item.direction, _Front()).add(item.start, item)
+            self._add(item.start, item)
 
     def start(self, task: Task) -> Instant:
         """Return when `task` may start at the earliest, on the grid."""
         start = max(self._rules.floor, task.release)
+        capacity = self._rules.capacity
+        if capacity > 1:
+            if len(self._ends) >= capacity:
+                start = max(start, self._ends[-capacity] + self._rules.opposed)
+            return _up(start)
         for direction, front in self._fronts.items():
             start = max(
                 start,
@@ -129,8 +142,14 @@ class _Chart:
     def add(self, task: Task) -> Instant:
         """Place `task` as early as it may start, and return when that is."""
         start = self.start(task)
-        self._fronts.setdefault(task.direction, _Front()).add(start, task)
+        self._add(start, task)
         return start
+
+    def _add(self, start: Instant, passage: Task | Placed) -> None:
+        if self._rules.capacity > 1:
+            insort(self._ends, start + passage.duration)
+        else:
+            self._fronts.setdefault(passage.direction, _Front()).add(start, passage)
 
 
 def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Instant]:
@@ -178,10 +197,52 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
     if rules.order is not Order.OURS or not jobs or (whole and len(known) < len(jobs)):
         return jobs
     jobs = [task._replace(deadline=task.deadline + task.grace) for task in jobs]
+    if rules.capacity > 1:
+        return _order_places(jobs, standing, rules, old)
     problem = problem_of(jobs, standing, rules)
     best = range(len(jobs)) if whole else _with_late(problem, search(problem)[2])
     kept = _with_new(problem, known, best)
     return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
+
+
+def _order_places(jobs: list[Task], standing: Sequence[Placed], rules: Rules, old: Sequence[int]) -> list[Task]:
+    """Return the order of `jobs` (by deadline) where several may be inside: most on time, then the least sum of ends.
+
+    All orders are tried of up to `PLACES_EXACT_MAX` jobs. Of more: by deadline, and by deadline with the longest job of
+    those up to the first late one put last until none is late (Moore 1968). The known order is kept, with new jobs
+    behind it, unless that costs a job on time or a headway.
+    """
+    by_robot = {task.robot: task for task in jobs}
+    kept = [by_robot[robot] for robot in old if robot in by_robot]
+    kept += [task for task in jobs if task not in kept]
+
+    def cost(order: Sequence[Task]) -> tuple[int, int]:
+        starts = place(order, standing, rules)
+        ends = sum(start + task.duration for task, start in zip(order, starts, strict=True))
+        return -on_time(order, starts), ends
+
+    if len(jobs) <= PLACES_EXACT_MAX:
+        orders = [list(order) for order in permutations(jobs)]
+    else:
+        orders = [jobs, _longest_last(jobs, standing, rules)]
+    best = min(orders, key=cost)
+    late, ends = cost(best)
+    kept_late, kept_ends = cost(kept)
+    return kept if kept_late <= late and kept_ends < ends + min(task.headway for task in jobs) else best
+
+
+def _longest_last(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
+    """Return `jobs` with as many put last, longest first, as are late otherwise."""
+    order = list(jobs)
+    last: list[Task] = []
+    while order:
+        starts = place(order, standing, rules)
+        late = [k for k, start in enumerate(starts) if start + order[k].duration > order[k].deadline]
+        if not late:
+            break
+        longest = max(range(late[0] + 1), key=lambda k: order[k].duration)
+        last.append(order.pop(longest))
+    return order + last
 
 
 def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> Problem:

@@ -152,6 +152,9 @@ def progress(node: ReportedNode, now: Instant) -> str:
     doing = action.text(node.robot) if action is not None else "waiting"
     if node.services.blocked:
         return f"{doing}, {node.services.blocked}"
+    full = node.crossings.full_words(now)
+    if full:
+        return f"{doing}, {full}"
     if crossing is None:
         return doing
     if isinstance(crossing.phase, Slotted):

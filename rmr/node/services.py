@@ -19,6 +19,7 @@ from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permi
 from rmr.node.actions.node_handle import NodeHandle
 from rmr.node.crossing.blocked_way import barring, blocked_words
 from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.station_area import full_words
 from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.motion.navigator import Navigator
@@ -190,6 +191,11 @@ class RobotServices:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
             raise ActionFailed(NO_WHEELS)
+        if permit is not None and permit.waits:  # it was let go since the dead have all places
+            blocked = full_words(self.arena, area, self.peers.lost(self.now))
+            if blocked:
+                self.trace(self.now, "blocked", reason=blocked)
+                raise ActionFailed(f"no way there: {blocked}")
         rank, place = (permit.rank, permit.place) if permit else (0, 0)
         return self.driver.take_place(self.now, area, rank, place, self.peers)
 

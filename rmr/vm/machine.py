@@ -243,6 +243,10 @@ class Machine(Parts):
         """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
         return [] if self._any_jobs is None else list(self._any_jobs.jobs)
 
+    def live_jobs(self) -> list[TimedJob]:
+        """Return the jobs without finish, missed ones included, in the order of their first start."""
+        return [] if self._any_jobs is None else self._any_jobs.live
+
     def undecided_jobs(self) -> list[TimedJob]:
         """Return the jobs that are neither finished nor missed, in the order of their first start."""
         return [] if self._any_jobs is None else self._any_jobs.undecided()

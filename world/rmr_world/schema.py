@@ -6,7 +6,7 @@ not defined) are in `rmr_world.validate`. The JSON Schema for editors is made fr
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import pydantic
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
@@ -172,6 +172,44 @@ class BottleneckSpec(_Strict):
             (mouth,) = value["mouths"]
             raise ValueError(f"mouths should name two areas; for one entry write `bottleneck: {mouth}`")
         return value
+
+
+class StationSpec(_Strict):
+    """An area that a robot holds from before it drives in until it has left."""
+
+    capacity: Annotated[int, Strict(), Field(ge=1, le=ROBOTS_MAX)] | None = Field(
+        None, description="How many robots may be there at a time; by default as many as the area has places."
+    )
+
+
+def stations_value(value: object) -> object:
+    """Return the stations by name, where the file lists names alone."""
+    if isinstance(value, str):
+        raise ValueError(f"should be a list of areas: [{value}]")
+    if isinstance(value, list) and all(isinstance(name, str) for name in value):
+        twice = next((name for k, name in enumerate(value) if name in value[:k]), None)
+        if twice is not None:
+            raise ValueError(f"names '{twice}' twice")
+        return {name: {} for name in value}
+    return value
+
+
+STATIONS_SCHEMA: Final = {
+    "anyOf": [
+        {"type": "array", "items": {"type": "string"}, "uniqueItems": True},
+        {
+            "type": "object",
+            "patternProperties": {
+                NAME: {
+                    "type": "object",
+                    "properties": {"capacity": {"type": "integer", "minimum": 1, "maximum": ROBOTS_MAX}},
+                    "additionalProperties": False,
+                }
+            },
+            "additionalProperties": False,
+        },
+    ]
+}
 
 
 class GridSpec(_Strict):
@@ -393,6 +431,7 @@ class LabFile(_Strict):
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
     bottleneck: Bottleneck | None = None
+    stations: Annotated[dict[str, StationSpec], BeforeValidator(stations_value), WithJsonSchema(STATIONS_SCHEMA)] = {}
     robots: Annotated[list[RobotSpec], Field(min_length=1)]
     facts: list[str] = []
     robot: ShapeSpec = ShapeSpec()

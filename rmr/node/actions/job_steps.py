@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from rmr.base.identity import ByIdentity
 from rmr.base.time import Duration, Instant
-from rmr.bytecode.program import Program, Steps, When
+from rmr.bytecode.program import Assertion, Program, Steps, When
 from rmr.node.actions.dispatcher import RunningAction
 from rmr.vm.job import TimedJob
 from rmr.vm.predicate_reach import reach_of
@@ -62,7 +62,7 @@ class JobSteps:
     def derived(self, program: Program, running: RunningAction, action: int, undecided: Sequence[TimedJob]) -> None:
         """Note an action that has been derived for the robot, while these jobs are undecided."""
         for job in undecided:
-            if not _serves(program, job, action):
+            if not serves(program, job, action):
                 continue
             actions = self._actions.get(job)
             if actions is None:
@@ -93,10 +93,14 @@ class JobSteps:
         return entries
 
 
-def _serves(program: Program, job: TimedJob, action: int) -> bool:
-    if job.assertion < 0:
-        return False
-    assertion = program.assertions[job.assertion]
+def serves(program: Program, job: TimedJob, action: int) -> bool:
+    """Return whether `action` can follow from the start of `job`, and its finish from that or a later step."""
+    return job.assertion >= 0 and may_serve(program, program.assertions[job.assertion], action)
+
+
+def may_serve(program: Program, assertion: Assertion, action: int) -> bool:
+    """Return whether `action` can follow from the start fact of `assertion`, and its finish from that or a later
+    step."""
     reach = reach_of(program)
     if not reach.leads(assertion.start.predicate, action):
         return False

@@ -39,9 +39,14 @@ def _barring(arena: Arena, start: Point, goal: Point, lost: tuple[tuple[int, Poi
 def blocked_words(arena: Arena, goal: Point, robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
     """Return a sentence on the `robots` that bar the way to `goal`, without a full stop."""
     within = any(_in_bottleneck(arena, goal, lost[robot].place) for robot in robots)
+    return f"the {'bottleneck' if within else 'way'} is blocked by {silent_words(robots, lost)}"
+
+
+def silent_words(robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
+    """Return the `robots`, which are `lost`, with the times since which they have been silent."""
     since_s = {robot: in_seconds(lost[robot].silent_since) for robot in robots}
     names = [f"robot {robot}, which has been silent since {since_s[robot]:.1f} s" for robot in robots]
-    return f"the {'bottleneck' if within else 'way'} is blocked by {', and by '.join(names)}"
+    return ", and by ".join(names)
 
 
 def _in_bottleneck(arena: Arena, goal: Point, place: Point) -> bool:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from rmr.base.arena import Area
-from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.coord.timing import LivenessTiming
 from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.crossing.course import Course
 from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
 from rmr.node.crossing.phases import (
     IGNORED,
@@ -43,6 +43,7 @@ from rmr.node.crossing.situation import (
     TraceEntry,
     Unforeseen,
     Withdraw,
+    held_until,
 )
 from rmr.vm.job import TimedJob
 
@@ -56,27 +57,6 @@ PRESUMED_GONE: Final[Duration] = LivenessTiming().gone
 """A robot that was stopped for longer than this while inside may have been presumed gone."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
-
-
-@dataclass(slots=True)
-class Course:
-    """Where the robot is sent while it is under way."""
-
-    destination: Point | None = None
-    """The place that the robot has taken, until its route there is planned."""
-    planned_at: Instant = 0
-    """When a route was planned last."""
-    replan_from: Instant = 0
-    """Before the entrance a route is planned from then on, since the newest slot is near."""
-
-    def send(self, destination: Point | None) -> None:
-        """Send the robot to `destination`; None: no longer anywhere else."""
-        self.destination = destination
-
-    def planned(self, now: Instant) -> None:
-        """Note that a route has been planned."""
-        self.destination = None
-        self.planned_at = now
 
 
 @dataclass(slots=True)
@@ -107,6 +87,10 @@ class Crossing:
     """When the robot entered last; 0: never."""
     serving: list[RunningAction] = field(default_factory=list)
     """The actions that wait for this crossing, or are under way by it; rarely more than one."""
+    station: bool = False
+    """Whether the resource is a station, the goal: held until the robot has left it."""
+    capacity: int = 1
+    """How many robots may be in the resource at a time."""
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -136,10 +120,10 @@ class Crossing:
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""
-        if not self.waits or self.job.finish is not None:
+        if not self.waits or (self.job.finish is not None and not self.station):
             return True
         if self.barred:  # it finds no way, and fails with a reason, instead of waiting for slots of no use
-            return self.plan.gated
+            return self.plan.gated or self.station
         in_time = self.plan.obstructs_exit or now >= self._sets_out_at
         return self.plan.gated and isinstance(self.phase, Slotted) and in_time
 
@@ -317,10 +301,13 @@ class Crossing:
             inside=plan.within,
             underway=self.late.committed,
             postpones=plan.gated,
+            capacity=self.capacity,
         )
 
     def _poll(self, now: Instant, phase: Asking | Slotted, situation: Situation) -> list[Command]:
         """Compare the robot's own estimate with its slot, and with what the leader has heard."""
+        if self.station:
+            self.barred = situation.barred
         if not self.poll_is_due(now):
             return []
         phase.polled_at = now
@@ -363,6 +350,9 @@ class Crossing:
 
     def _pass(self, now: Instant, phase: Inside, situation: Situation) -> list[Command]:
         """Go on inside until the robot is clear."""
+        if self.station:
+            end = held_until(now, phase.end, leaving=situation.retreating)
+            return self.leave() if situation.cleared else [] if end is None else self._extend(phase, end)
         if not self.plan.gated:
             if self.job.finish is not None:
                 return self.leave()

@@ -13,6 +13,7 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stable_hash
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Symbol, Value
+from rmr.bytecode.program import Kind
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
@@ -25,6 +26,7 @@ from rmr.coord.events import (
 )
 from rmr.coord.timing import Order
 from rmr.node.actions.dispatcher import Permit, RunningAction
+from rmr.node.actions.job_steps import serves
 from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.observer import Observer
@@ -69,11 +71,30 @@ class Crossings:
     def started(self, now: Instant, job: TimedJob) -> None:
         """Handle a job that has started: it asks for a slot as soon as the robot knows where it is."""
         assertion = self._robot.program.assertions[job.assertion]
-        alone = self._robot.config.timing.order is Order.NONE
-        if alone or not assertion.scheduled or not assertion.serving:
+        if self._is_alone or not assertion.scheduled or not assertion.serving:
             return
-        group_id = self.group_of(job)
         goal = self._goal_of(job)
+        if goal is not None and self._is_station(goal):
+            self._hold_station(now, job, goal)
+        elif goal is not None or not self._may_lead_to_station(job):
+            self._contend(now, job, goal)
+
+    @property
+    def _is_alone(self) -> bool:
+        """Whether robots do not coordinate."""
+        return self._robot.config.timing.order is Order.NONE
+
+    def _may_lead_to_station(self, job: TimedJob) -> bool:
+        """Return whether an action that serves `job` may drive into a station: which one, rules have to derive."""
+        program = self._robot.program
+        actions = (index for index, each in enumerate(program.predicates) if each.kind is Kind.ACTION)
+        return bool(self._robot.config.arena.stations) and any(
+            self._robot.drives_to_area(action) and serves(program, job, action) for action in actions
+        )
+
+    def _contend(self, now: Instant, job: TimedJob, goal: Area | None) -> None:
+        """Ask for a turn among the robots of the job's event."""
+        group_id = self.group_of(job)
         old = self._crossings.get(group_id)
         if old is not None and not old.over:
             self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
@@ -86,13 +107,11 @@ class Crossings:
 
     def finished(self, now: Instant, job: TimedJob) -> None:
         """Handle a job that has ended: its crossing is over, or will be as soon as the robot is clear."""
-        crossing = self._crossing_of(job)
-        if crossing is None or crossing.over:
-            return
-        if isinstance(crossing.phase, Inside):
-            self._step(now, crossing)
-        else:
-            self._execute(now, crossing, crossing.finish())
+        for crossing in [each for each in self._crossings.values() if each.job is job and not each.over]:
+            if isinstance(crossing.phase, Inside):
+                self._step(now, crossing)
+            elif not (crossing.station and crossing.serving):  # a drive into a station waits for a place all the same
+                self._execute(now, crossing, crossing.finish())
 
     def _ask(self, now: Instant, crossing: Crossing) -> None:
         """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
@@ -122,8 +141,65 @@ class Crossings:
 
     # -- actions --------------------------------------------------------------------------------------------
 
-    def permit(self, now: Instant, job: TimedJob, action: int, args: Sequence[Value]) -> Permit | None:
-        """Return the crossing by which `action` goes, which serves `job`, which has not ended.
+    def permit(
+        self, now: Instant, jobs: Sequence[TimedJob], live: Sequence[TimedJob], action: int, args: Sequence[Value]
+    ) -> Permit | None:
+        """Return the crossing by which `action` goes; None: it needs none.
+
+        It serves `jobs`, first due first; a drive into a station also serves those of the jobs without finish, `live`,
+        whose finish can follow from a later action. What else serves a job that has held a station goes by that.
+        """
+        area = area_among(self._robot.config.arena, args) if self._robot.drives_to_area(action) else None
+        if self._is_alone:
+            return None
+        if area is not None and self._is_station(area):
+            job = next(iter(jobs or self._led_to(live, action)), None)
+            return None if job is None else self._hold_station(now, job, area)
+        if not jobs:
+            return None
+        # The jobs are in order of their deadlines: an action that serves several waits for that of the most urgent one.
+        job = jobs[0]
+        held = next((each for each in self._crossings.values() if each.station and each.job is job), None)
+        if held is not None:
+            return held
+        if self.group_of(job) not in self._crossings and self._may_lead_to_station(job):
+            self._contend(now, job, self._goal_of(job))
+        return self._permit(now, job, action, args)
+
+    def _is_station(self, area: Area) -> bool:
+        return self._robot.driver is not None and self._robot.config.arena.capacity(area.name) > 0
+
+    def _led_to(self, live: Sequence[TimedJob], action: int) -> list[TimedJob]:
+        """Return the `live` jobs that an action serves if later actions are counted, first due first."""
+        program = self._robot.program
+        found = [job for job in live if program.assertions[job.assertion].scheduled and serves(program, job, action)]
+        return sorted(found, key=lambda job: (job.deadline, job.serial))
+
+    def _hold_station(self, now: Instant, job: TimedJob, area: Area) -> Crossing:
+        """Return the crossing of a station, which is asked for unless the robot has one that is not over.
+
+        All that drive into a station are one group, whatever their events: its places are the same.
+        """
+        group_id = stable_hash(f"{self._digest}/station/{area.name}", 6).to_bytes(6, "big")
+        found = self._crossings.get(group_id)
+        old = self._crossing_of(job)
+        if old is not None and old.waits and not old.serving:  # the station takes the place of the event
+            self._execute(now, old, old.finish())
+        if found is not None and not found.over:
+            if found.job is not job and (found.job.finish is not None or not found.waits):
+                self._renewed(now, found, found.restart(now, job, area))
+            return found
+        trigger = max(now, found.trigger + TRIGGERS_APART if found else 0)
+        capacity = self._robot.config.arena.capacity(area.name)
+        crossing = Crossing(job, group_id, trigger, area, station=True, capacity=capacity)
+        self._crossings.pop(group_id, None)
+        self._crossings[group_id] = crossing
+        self._forget()
+        self._ask(now, crossing)
+        return crossing
+
+    def _permit(self, now: Instant, job: TimedJob, action: int, args: Sequence[Value]) -> Permit | None:
+        """Return the crossing of the event of `job`, which has not ended and which `action` serves.
 
         A crossing that was used up without an end of the job, by an action that failed, is asked for again: else the
         next try would go while others have their slots.
@@ -164,7 +240,9 @@ class Crossings:
         crossing.serving.remove(running)
         if failed and not crossing.serving:
             self._execute(now, crossing, crossing.fail())
-        if isinstance(crossing.phase, Inside) and not crossing.plan.gated and not crossing.serving:
+        if crossing.station:
+            self._step(now, crossing)
+        elif isinstance(crossing.phase, Inside) and not crossing.plan.gated and not crossing.serving:
             self._execute(now, crossing, crossing.leave())
 
     def depart(self, now: Instant, goal: Point, heading: float | None, permit: Permit | None) -> None:
@@ -193,6 +271,17 @@ class Crossings:
             crossing.entered_at > since or crossing.beyond or (crossing.late.slots_wasted > 0 and not crossing.over)
             for crossing in self._crossings.values()
         )
+
+    def full_words(self, now: Instant) -> str:
+        """Return which station the robot waits for, and who has its places; empty if a place is left."""
+        crossing = self.current
+        if crossing is None or not crossing.station or not crossing.waits or crossing.goal is None:
+            return ""
+        inside = self._core.inside(now, crossing.group_id)
+        if len(inside) < crossing.capacity:
+            return ""
+        robots = "robot " + str(inside[0]) if len(inside) == 1 else "robots " + ", ".join(map(str, inside))
+        return f"station {crossing.goal.name} is full: {robots}"
 
     @property
     def rank(self) -> int:

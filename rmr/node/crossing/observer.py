@@ -7,13 +7,15 @@ is made only where the crossing's step is about to use it: to ask, at a poll, an
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
+from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
-from rmr.node.crossing import resource
+from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.crossing import resource, station_area
 from rmr.node.crossing.blocked_way import barring
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.lateness import READY
 from rmr.node.crossing.phases import Inside, Preparing
-from rmr.node.crossing.situation import CrossingPlan, Situation
+from rmr.node.crossing.situation import STATION_NOTICE, CrossingPlan, Situation
 from rmr.node.driver import Driver
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.navigator import Navigator
@@ -36,6 +38,8 @@ class Observer:
         if isinstance(phase, Preparing):
             return self.before_request(now, crossing)
         driver = self._robot.driver
+        if crossing.station and driver is not None:
+            return self._at_station(now, crossing, driver)
         if isinstance(phase, Inside):
             if driver is None or not crossing.plan.gated:
                 return Situation()
@@ -45,6 +49,21 @@ class Observer:
         if driver is not None and crossing.poll_is_due(now):
             return self._polled(now, crossing, driver.navigator)
         return self.at_event(crossing)
+
+    def _at_station(self, now: Instant, crossing: Crossing, driver: Driver) -> Situation:
+        """Return what concerns a station: whether the dead have all its places, or how the robot leaves it."""
+        goal = crossing.goal
+        assert goal is not None
+        if crossing.waits:
+            dead = station_area.occupants(self._robot.config.arena, goal, self._robot.peers.lost(now))
+            return self.at_event(crossing)._replace(barred=len(dead) >= crossing.capacity)
+        pose = self._robot.pose
+        bound_for = self._robot.driving is not None or driver.navigator.status == "moving"
+        leads_in = driver.navigator.goal is not None and station_area.contains(goal, driver.navigator.goal)
+        within = pose is None or station_area.touches(self._robot.config.arena, goal, Point(pose.x, pose.y))
+        serves_here = any(not each.uses_wheels or Symbol(goal.name) in each.args for each in crossing.serving)
+        stays = serves_here or (bound_for and leads_in)
+        return Situation(cleared=not within and not stays, retreating=within and bound_for and not leads_in)
 
     def at_event(self, crossing: Crossing, *, gated: bool | None = None) -> Situation:
         """Return what costs nothing, which is all that events need."""
@@ -69,7 +88,7 @@ class Observer:
         may_ask, plan = self.estimate(now, crossing)
         gated = (plan or crossing.plan).gated
         beyond = False
-        if may_ask and not gated and goal is not None and pose is not None:
+        if may_ask and not gated and not crossing.station and goal is not None and pose is not None:
             beyond = resource.is_beyond(self._robot.config.arena, goal, pose)
         excused = beyond and self._core.passes(crossing.group_id)
         return Situation(pose=pose, may_ask=may_ask, plan=plan, beyond=beyond, excused=excused)
@@ -94,6 +113,10 @@ class Observer:
         if pose is None:
             return False, None
         found = robot.driver.approach.estimate(pose, goal.places[0])
+        if crossing.station:
+            within = station_area.contains(goal, Point(pose.x, pose.y))
+            held = UNKNOWN_INSIDE if found is None else found.approach + UNKNOWN_INSIDE
+            return True, CrossingPlan(inside=held, headway=held, within=within, notice=STATION_NOTICE)
         if found is None:
             return True, None
         if found.inside <= 0:
@@ -134,7 +157,11 @@ class Observer:
         peer = self._robot.peers.known.get(robot)
         arena = self._robot.config.arena
         goal = crossing.goal
-        if peer is None or peer.hello is None or goal is None or not crossing.plan.gated:
+        if peer is None or peer.hello is None or goal is None:
+            return False
+        if crossing.station:
+            return station_area.touches(arena, goal, Point(peer.hello.x, peer.hello.y))
+        if not crossing.plan.gated:
             return False
         place = Pose(peer.hello.x, peer.hello.y, peer.hello.theta)
         if not resource.stands_within(arena, goal, place, arena.shape.radius):

@@ -12,6 +12,11 @@ from rmr.node.motion.route import Route
 
 EXTEND_BEFORE: Final[Duration] = milliseconds(200)
 """An announced end that comes nearer than this while the action goes on is moved."""
+STATION_NOTICE: Final[Duration] = milliseconds(2000)
+"""The same for a robot that stays at a station: longer than the frozen zone and a claim, so that nobody claims in
+vain for a slot behind the announced end."""
+STATION_AHEAD: Final[Duration] = milliseconds(3000)
+"""From now to the end that such a robot announces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +147,14 @@ CoreCommand = JobRequest | Revise | Withdraw | SetReady | InsideUntil | Leave
 RobotCommand = OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
 """Commands to the robot itself."""
 Command = CoreCommand | RobotCommand
+
+
+def held_until(now: Instant, end: Instant, *, leaving: bool) -> Instant | None:
+    """Return the end that a robot at a station announces instead of `end`; None: the same.
+
+    While it stays, its end is not known, and is announced so far ahead that nobody claims in vain.
+    """
+    if leaving:
+        soon = now + UNKNOWN_INSIDE
+        return soon if not now + EXTEND_BEFORE <= end <= soon + EXTEND_BEFORE else None
+    return now + STATION_AHEAD if end < now + STATION_NOTICE else None

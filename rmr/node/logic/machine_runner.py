@@ -182,8 +182,7 @@ class MachineRunner:
             return
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        # The jobs are in order of their deadlines: an action that serves several waits for that of the most urgent one.
-        permit = self._crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
+        permit = self._crossings.permit(now, jobs, self._machine.live_jobs(), event.predicate, event.args)
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)

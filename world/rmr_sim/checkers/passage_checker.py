@@ -4,6 +4,7 @@
 - No two robots are inside in directions that exclude each other. Under one term this holds whatever frames are lost,
   unless the leader has been restarted. Under two terms it holds if the two robots are linked and neither was stopped. A
   robot that enters "with caution" after a long silence is exempt.
+- Where several may be inside, as at a station, no more are than that, with the same exceptions.
 - A robot that is inside when its job starts, for it was restarted there, is inside without a slot.
 - In one direction a robot follows the other by its headway, less the window in which either may enter.
 """
@@ -85,8 +86,11 @@ class PassageChecker:
             term = (slot.term, slot.leader)
         one = Admitted(robot, job, entered.start, job.request.direction, job.request.headway, term, entered.cautious)
         inside = self._inside.setdefault(entered.group_id, {})
-        for other in inside.values():
-            if other.robot != robot:
+        others = [other for other in inside.values() if other.robot != robot]
+        if job.request.capacity > 1:
+            self._check_places(now, one, others)
+        else:
+            for other in others:
                 self._check_pair(now, one, other)
         inside[robot] = one
 
@@ -101,6 +105,14 @@ class PassageChecker:
         if key in self._entered:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
+
+    def _check_places(self, now: Instant, one: Admitted, others: list[Admitted]) -> None:
+        """Report a violation if `one` must not enter since `others` have all places."""
+        bound = [other.robot for other in others if self._bound(now, one, other)]
+        places = one.job.request.capacity
+        if len(bound) >= places and not one.cautious:
+            words = f"robot {one.robot} entered while {len(bound)} robots had the {places} places"
+            self._view.violate(now, "overlap", (*bound, one.robot), words)
 
     def _check_pair(self, now: Instant, one: Admitted, other: Admitted) -> None:
         """Report a violation if `one` must not enter while `other` is inside."""

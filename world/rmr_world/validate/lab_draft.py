@@ -120,7 +120,26 @@ class LabDraft:
             areas=tuple(area for _, area in self.areas.values()),
             beacons=self._beacons(),
             bottleneck=() if spec.bottleneck is None else tuple(spec.bottleneck.mouths),
+            stations=self._stations(shape),
         )
+
+    def _stations(self, shape: RobotShape) -> tuple[tuple[str, int], ...]:
+        """Return the stations with their capacities: of a box as many robots as fit side by side."""
+        named = self.spec.stations.items()
+        places = {name: self.places_of(self.areas[name][1], shape) for name, _ in named if name in self.areas}
+        return tuple((name, station.capacity or places[name]) for name, station in named if name in places)
+
+    def places_of(self, area: Area, shape: RobotShape | None = None) -> int:
+        """Return how many robots of `shape` (None: of the lab) can stand in `area` at a time."""
+        if area.box is None:
+            return len(area.places)
+        # The planner doubles the start-up time of a lab without such a station.
+        from rmr.node.driver import spots  # noqa: PLC0415
+
+        shape = self.arena.shape if shape is None else shape
+        parts = tuple(part for parts in (*(parts for _, parts in self.obstacles), self.map_boxes) for part in parts)
+        floor = Arena(*self.spec.arena.size, self.spec.arena.cell, parts, shape=shape)
+        return sum(floor.clearance(*place) > shape.radius for place in spots(floor, area))
 
     def _obstacles(self) -> list[tuple[int, list[Obstacle]]]:
         built: list[tuple[int, list[Obstacle]]] = []

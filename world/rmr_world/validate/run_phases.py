@@ -13,6 +13,7 @@ from rmr_world.validate import (
     program_fit,
     reachability,
     schedulability,
+    station_use,
 )
 
 Check = Callable[[Lab, Program], Iterable[Finding]]
@@ -22,9 +23,14 @@ FEASIBILITY = (
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
     *bottleneck_use.CHECKS,
+    *station_use.CHECKS,
     *schedulability.CHECKS,
 )
 """Checks of phase 4, which yield warnings only."""
 
-RUN_PHASES: tuple[tuple[Check, ...], ...] = (program_fit.CHECKS, (reachability.unreachable_places,), FEASIBILITY)
+RUN_PHASES: tuple[tuple[Check, ...], ...] = (
+    (*program_fit.CHECKS, *station_use.FIT),
+    (reachability.unreachable_places, *station_use.REACHABILITY),
+    FEASIBILITY,
+)
 """The phases in order."""
