@@ -4,13 +4,15 @@ Three draws: the plain one (uniform loss, short faults), the wide one (some of: 
 frame delayed, duplicates up to 30 s old, restart loops, stalls up to 60 s, forged frames), and the hard one (all of:
 unequal links, old duplicates, a restart loop, stalls up to 60 s, most of them of a robot that is inside).
 
-Run as a program for a long campaign: ``python coord_campaign.py FIRST LAST [wide|hard]``; each failing seed is printed,
-and at the end how many runs had which kind of fault and how many overlaps there were of which kind.
+A fourth one, `places`, has a station of two to four places, by each of these draws.
+
+Run as a program for a long campaign: ``python coord_campaign.py FIRST LAST [wide|hard|places]``; each failing seed is
+printed, and at the end how many runs had which kind of fault and how many overlaps there were of which kind.
 """
 
 import sys
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 
 from coord_harness import EVENT, MS, Air, Model, ms
@@ -51,7 +53,7 @@ SHORT = Timing(payload_max=42)
 """Frames of two entries: the schedules of a few robots take as many of them as those of a crowd."""
 
 
-def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6), capacity: int = 1) -> Outcome:
     """Run one seed: faults for 12 s, then a healed air until all are served."""
     rng = Random(f"campaign/{seed}")
     count = rng.randint(*robots)
@@ -60,7 +62,7 @@ def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6
         duplicate=rng.choice((0.0, 0.1)),
         late=rng.choice((0.0, 0.0, 0.05)),
     )
-    model = Model(seed, count, air, timing)
+    model = Model(seed, count, air, timing, capacity)
     ways = rng.choice((1, 2))
     faults = rng.sample(FAULTS, rng.randint(0, 2))
     spread = rng.choice((20, 300, 5000))
@@ -78,7 +80,7 @@ def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6
     return _outcome(seed, model, served, options, faults)
 
 
-def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6), capacity: int = 1) -> Outcome:
     """Run one seed of the wide draw: faults, the longest until some 75 s, then a healed air until all are served."""
     rng = Random(f"campaign/wide/{seed}")
     count = rng.randint(*robots)
@@ -87,7 +89,7 @@ def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = 
         duplicate=rng.choice((0.0, 0.1)),
         late=rng.choice((0.0, 0.05)),
     )
-    model = Model(seed, count, air, timing)
+    model = Model(seed, count, air, timing, capacity)
     kinds = rng.sample(("links", "slow", "echo", "loop", "long stall", "forged", *FAULTS), rng.randint(1, 4))
     if "links" in kinds:
         air.links = {(a, b): rng.choice((0.0, 0.2, 0.5, 0.9, 1.0)) for a in model.ids for b in model.ids if a != b}
@@ -112,13 +114,13 @@ def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = 
     return _outcome(seed, model, served, options, kinds)
 
 
-def run_hard(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+def run_hard(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6), capacity: int = 1) -> Outcome:
     """Run one seed of the hard draw: unequal links, old duplicates, a restart loop and stalls in every run."""
     rng = Random(f"campaign/hard/{seed}")
     count = rng.randint(*robots)
     air = Air(duplicate=rng.choice((0.0, 0.1)), late=rng.choice((0.0, 0.05)), echo=rng.choice((0.02, 0.1, 0.3)))
     losses = rng.choice(((0.0, 0.0, 0.2), (0.0, 0.2, 0.5), (0.0, 0.2, 0.5, 0.9, 1.0)))
-    model = Model(seed, count, air, timing)
+    model = Model(seed, count, air, timing, capacity)
     air.links = {(a, b): rng.choice(losses) for a in model.ids for b in model.ids if a != b}
     ways, spread = rng.choice((2, 2, 2, 1)), rng.choice((20, 300, 5000))
     longest = rng.choice((3000, 20_000, 60_000))
@@ -231,7 +233,18 @@ def _break(model: Model, rng: Random, fault: str) -> None:
         model.partition(when + ms(rng.uniform(300, 4000)), {})
 
 
-DRAWS = {"plain": run, "wide": run_wide, "hard": run_hard}
+def run_places(seed: int) -> Outcome:
+    """Run one seed with two to four places and more robots than that: of the plain, the wide and the hard draw in turn.
+
+    At most as many as there are places may be inside; who counts is as in those draws.
+    """
+    capacity = Random(f"campaign/places/{seed}").randint(2, 4)
+    draw = (run, run_wide, run_hard)[seed % 3]
+    outcome = draw(seed, robots=(capacity + 1, capacity + 5), capacity=capacity)
+    return replace(outcome, options=f"{capacity=} {outcome.options}")
+
+
+DRAWS = {"plain": run, "wide": run_wide, "hard": run_hard, "places": run_places}
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from rmr.coord.events import JobRequest, Send
 from rmr.coord.messages import Beacon, Job, Phase, Sched
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import Term
-from rmr.coord.timing import Timing
+from rmr.coord.timing import EXCLUSIVE, Timing
 
 MS = NS_PER_MS
 EVENT = b"corrid"
@@ -109,8 +109,12 @@ class Mind:
 class Model:
     """All robots, the air and the checkers."""
 
-    def __init__(self, seed: int, count: int, air: Air | None = None, timing: Timing | None = None) -> None:
+    def __init__(
+        self, seed: int, count: int, air: Air | None = None, timing: Timing | None = None, capacity: int = 1
+    ) -> None:
+        """`capacity`: how many may be inside at a time; more than one: each job is a turn that excludes all others."""
         self.seed = seed
+        self.capacity = capacity
         self.rng = Random(f"harness/{seed}")
         self.timing = timing or Timing()
         self.air = air or Air()
@@ -180,9 +184,11 @@ class Model:
             if mind.inside is not None or self.now < mind.stalled_until:  # one job after the other
                 self.at(max(self.now + ms(500), mind.stalled_until), start)
                 return
+            way = direction if self.capacity == 1 else EXCLUSIVE
             request = JobRequest(
-                EVENT, self.now, max(release, self.now), duration, deadline, headway, direction, inside
-            )
+                EVENT, self.now, max(release, self.now), duration, deadline, headway, way, inside,
+                capacity=self.capacity,
+            )  # fmt: skip
             mind.job = request
             mind.core.trigger(self.now, request)
             self.at(request.release, lambda: self._set_ready(mind, request))
@@ -406,9 +412,13 @@ class Model:
         )  # fmt: skip
         if any(e.robot == mind.robot and e.trigger == job.trigger for e in self.entries):
             self.violations.append(f"{mind.robot} entered twice for one job")
-        for other in self.entries:
-            if other.direction != entry.direction and other.start <= self.now < other.end and other.robot != mind.robot:
-                self._overlap(entry, other)
+        inside = [other for other in self.entries if other.start <= self.now < other.end and other.robot != mind.robot]
+        if self.capacity > 1:
+            self._overfull(entry, inside)
+        else:
+            for other in inside:
+                if other.direction != entry.direction:
+                    self._overlap(entry, other)
         self.entries.append(entry)
         mind.inside = entry
         mind.leaves = entry.end
@@ -418,10 +428,28 @@ class Model:
 
     def _overlap(self, entry: Entry, other: Entry) -> None:
         """Two opposed robots are inside: wrong under one term, or if the later one had heard of the first."""
-        text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
         self.overlaps[self._kind_of_overlap(entry, other)] += 1
+        if not entry.cautious:
+            text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
+            why = self._why_wrong(entry, other)
+            (self.violations if why else self.excused).append(text + why)
+
+    def _overfull(self, entry: Entry, inside: list[Entry]) -> None:
+        """As many are `inside` as may be: wrong if that holds of those alone whom the later one had to count."""
+        if len(inside) < self.capacity:
+            return
+        self.overlaps[self._kind_of_overlap(entry, inside[0])] += 1
         if entry.cautious:
             return
+        wrong = [why for other in inside if (why := self._why_wrong(entry, other))]
+        text = f"{entry.robot} is inside with {[other.robot for other in inside]} at {self.now / MS}"
+        if len(wrong) >= self.capacity:
+            self.violations.append(text + wrong[0])
+        else:
+            self.excused.append(text)
+
+    def _why_wrong(self, entry: Entry, other: Entry) -> str:
+        """Return why `entry` should not have begun while `other` is inside; empty if nobody could have known."""
         since = self.now - self.timing.claim.quiet - self.timing.claim.beacon
         as_estimated = self.now < other.estimated
         if (
@@ -429,13 +457,12 @@ class Model:
             and as_estimated
             and not self.forgot(entry.term[1], other.start - self.timing.schedule.lease)
         ):
-            self.violations.append(text + " under one term")
-        elif self._has_heard(entry.robot, other) and not self.stalled_after(entry.robot, since):
-            self.violations.append(text + " though one had heard the other")
-        elif self._hear_each_other(entry.robot, other.robot, since):
-            self.violations.append(text + " though nothing but chance kept them from hearing each other")
-        else:
-            self.excused.append(text)
+            return " under one term"
+        if self._has_heard(entry.robot, other) and not self.stalled_after(entry.robot, since):
+            return " though one had heard the other"
+        if self._hear_each_other(entry.robot, other.robot, since):
+            return " though nothing but chance kept them from hearing each other"
+        return ""
 
     def _kind_of_overlap(self, entry: Entry, other: Entry) -> str:
         """Return under which terms, and within which promises, `entry` begins while `other` is inside."""

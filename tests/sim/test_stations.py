@@ -106,7 +106,7 @@ def test_a_place_is_held_from_the_drive_there_through_charging_until_the_hull_ha
 
 def test_without_the_station_robots_are_at_the_place_together(tmp_path):
     """What the key is for: a turn of the event covers one action, so the next robot comes while one charges."""
-    simulation, _ = dock(tmp_path, stations="")
+    simulation, _ = dock(tmp_path, stations="", last="25s")
     simulation.run()
     drives = sorted(e["t"] for e in traced(simulation, "action") if "dock" in e["action"])
     waits = sorted(e["t"] for e in traced(simulation, "action_ended") if e["action"].startswith("wait"))
@@ -186,7 +186,7 @@ def test_a_job_that_is_not_ready_for_its_slot_loses_it_to_others_and_is_served_l
     assert max(len(robots) for _, robots in there) == 1
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_the_dock_charges_everybody_and_never_more_than_two_at_a_time():
     simulation, there = watched(load(LABS / "dock", Options()).simulation(7))
     assert simulation.run()

@@ -196,7 +196,9 @@ class _Picture:
             if area.box is not None:
                 left = area.box[0]
                 top = area.box[3]
-            role = " (bottleneck)" if area.name in bottleneck else ""
+            capacity = self._arena.capacity(area.name)
+            station = f" (station, {capacity})" if capacity else ""
+            role = " (bottleneck)" if area.name in bottleneck else station
             yield self._text("name", Point(left, min(top, self._arena.height)), area.name + role, 5)
 
 
