@@ -438,7 +438,9 @@ class Model:
         """As many are `inside` as may be: wrong if that holds of those alone whom the later one had to count."""
         if len(inside) < self.capacity:
             return
-        self.overlaps[self._kind_of_overlap(entry, inside[0])] += 1
+        # Of several the one that the later robot could not know of: without it there would have been a place.
+        unknown = [other for other in inside if not self._why_wrong(entry, other)]
+        self.overlaps[self._kind_of_overlap(entry, (unknown or inside)[0])] += 1
         if entry.cautious:
             return
         wrong = [why for other in inside if (why := self._why_wrong(entry, other))]

@@ -52,12 +52,20 @@ localisation: {{beacons: [[0, 0], [2.0, 0]], sigma: 0.005}}
 
 
 def dock(
-    folder, *, stations="stations: [dock]", slots="[[1.7, 0.75]]", then=LEAVES, finish="done(R)", faults="", last="60s"
+    folder,
+    *,
+    stations="stations: [dock]",
+    slots="[[1.7, 0.75]]",
+    then=LEAVES,
+    finish="done(R)",
+    faults="",
+    last="60s",
+    program=PROGRAM,
 ):
     """Return the simulation of three robots that charge at `slots`, and the list of those there at each tick."""
     text = LAB.format(stations=stations, slots=slots, finish=finish, faults=faults, duration=last)
     (folder / "lab.yaml").write_text(text)
-    (folder / "small.rmr").write_text(PROGRAM.format(then=then))
+    (folder / "small.rmr").write_text(program.format(then=then))
     return watched(prepare(folder, seed=1))
 
 
@@ -111,6 +119,14 @@ def test_without_the_station_robots_are_at_the_place_together(tmp_path):
     drives = sorted(e["t"] for e in traced(simulation, "action") if "dock" in e["action"])
     waits = sorted(e["t"] for e in traced(simulation, "action_ended") if e["action"].startswith("wait"))
     assert drives[1] < waits[0]
+
+
+def test_a_drive_that_serves_no_job_holds_a_place_as_well(tmp_path):
+    simulation, there = dock(tmp_path, program=PROGRAM.replace("charging: assert(low(R), charged(R), 60, say", "// ("))
+    assert simulation.run()
+    assert simulation.violations == []
+    assert max(len(robots) for _, robots in there) == 1
+    assert [entry["event"] for entry in traced(simulation, "entered")] == ["dock"] * 3
 
 
 def test_two_places_are_used_at_a_time_and_no_more(tmp_path):
@@ -167,6 +183,20 @@ early(R), low(R, _) -o moveto(R, dock).
 at(R, dock), bay(R, A) -o moveto(R, A) then done(R).
 start(R).
 """
+
+
+def test_robots_without_a_turn_wait_in_the_queue_and_leave_room_for_those_that_drive_out(tmp_path):
+    queue = "[[1.7, 0.75]], queue: {path: [[1.2, 0.75], [0.6, 0.75]], spacing: 0.25}"
+    lines_up = PROGRAM.replace("low(R) -o moveto", "low(R) -o waiting(R), moveto") + (
+        "type action lineup(robot, area, int).\n$waiting(R), turn(R, charging, K) -o lineup(R, dock, K).\n"
+    )
+    leaves = "charged(R), bay(R, A), waiting(R) -o moveto(R, A) then done(R)."
+    simulation, there = dock(tmp_path, slots=queue, program=lines_up, then=leaves)
+    assert simulation.run()
+    assert simulation.violations == []
+    assert max(len(robots) for _, robots in there) == 1
+    lined_up = {e["robot"] for e in traced(simulation, "action_ended") if e["action"].startswith("lineup")}
+    assert lined_up == {1, 2, 3}
 
 
 def test_a_job_that_is_not_ready_for_its_slot_loses_it_to_others_and_is_served_later(tmp_path):

@@ -31,7 +31,7 @@ from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.observer import Observer
 from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
-from rmr.node.crossing.request import area_among, goal_of
+from rmr.node.crossing.request import area_among, goal_of, without_deadline
 from rmr.node.crossing.shared_path import GROUPS_KEPT, SharedPaths, keep
 from rmr.node.crossing.situation import (
     ChangeRank,
@@ -115,10 +115,13 @@ class Crossings:
 
     def _ask(self, now: Instant, crossing: Crossing) -> None:
         """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
-        servings = self._robot.program.assertions[crossing.job.assertion].serving
-        drives = any(self._robot.drives_to_area(serving.action) for serving in servings)
-        if isinstance(crossing.phase, Preparing) and (crossing.goal is not None or not drives):
-            self._step(now, crossing)
+        if not isinstance(crossing.phase, Preparing):
+            return
+        if crossing.goal is None:
+            servings = self._robot.program.assertions[crossing.job.assertion].serving
+            if any(self._robot.drives_to_area(serving.action) for serving in servings):
+                return
+        self._step(now, crossing)
 
     def _forget(self) -> None:
         """Keep memory bounded: drop the oldest crossings that are over, with what is known of their groups."""
@@ -147,14 +150,15 @@ class Crossings:
         """Return the crossing by which `action` goes; None: it needs none.
 
         It serves `jobs`, first due first; a drive into a station also serves those of the jobs without finish, `live`,
-        whose finish can follow from a later action. What else serves a job that has held a station goes by that.
+        whose finish can follow from a later action, and needs a place even if it serves none. What else serves a job
+        that has held a station goes by that.
         """
         area = area_among(self._robot.config.arena, args) if self._robot.drives_to_area(action) else None
         if self._is_alone:
             return None
         if area is not None and self._is_station(area):
             job = next(iter(jobs or self._led_to(live, action)), None)
-            return None if job is None else self._hold_station(now, job, area)
+            return self._hold_station(now, job, area)
         if not jobs:
             return None
         # The jobs are in order of their deadlines: an action that serves several waits for that of the most urgent one.
@@ -175,18 +179,23 @@ class Crossings:
         found = [job for job in live if program.assertions[job.assertion].scheduled and serves(program, job, action)]
         return sorted(found, key=lambda job: (job.deadline, job.serial))
 
-    def _hold_station(self, now: Instant, job: TimedJob, area: Area) -> Crossing:
+    def _hold_station(self, now: Instant, job: TimedJob | None, area: Area) -> Crossing:
         """Return the crossing of a station, which is asked for unless the robot has one that is not over.
 
-        All that drive into a station are one group, whatever their events: its places are the same.
+        `job` None: the drive serves no job, and goes behind all deadlines. All that drive into a station are one group,
+        whatever their events: its places are the same.
         """
         group_id = stable_hash(f"{self._digest}/station/{area.name}", 6).to_bytes(6, "big")
         found = self._crossings.get(group_id)
+        if job is None:
+            if found is not None and not found.over:
+                return found
+            job = without_deadline(now, self._robot.config.robot, area.name)
         old = self._crossing_of(job)
         if old is not None and old.waits and not old.serving:  # the station takes the place of the event
             self._execute(now, old, old.finish())
         if found is not None and not found.over:
-            if found.job is not job and (found.job.finish is not None or not found.waits):
+            if found.job is not job and (found.job.finish is not None or found.job.assertion < 0 or not found.waits):
                 self._renewed(now, found, found.restart(now, job, area))
             return found
         trigger = max(now, found.trigger + TRIGGERS_APART if found else 0)

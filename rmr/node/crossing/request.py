@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterable
 
 from rmr.base.arena import Area, Arena
-from rmr.base.values import Symbol, Value
+from rmr.base.time import NEVER, Instant
+from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Program, Serving, Slot
 from rmr.vm.job import TimedJob
 
@@ -37,3 +38,9 @@ def known_arguments(serving: Serving, job: TimedJob) -> list[Value]:
             case Anything():
                 pass
     return known
+
+
+def without_deadline(now: Instant, robot: int, name: str) -> TimedJob:
+    """Return what stands for the job of a drive that serves none: it is due never, and belongs to no assertion."""
+    owner = Robot(robot)
+    return TimedJob(0, -1, name, name, name, now, NEVER, (owner,), owner)

@@ -23,7 +23,6 @@ FEASIBILITY = (
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
     *bottleneck_use.CHECKS,
-    *station_use.CHECKS,
     *schedulability.CHECKS,
 )
 """Checks of phase 4, which yield warnings only."""

@@ -1,4 +1,4 @@
-"""Stations and program: robots drive into each station, by turns, and can leave it again."""
+"""Stations and program: robots drive into each station, and can leave it again."""
 
 from collections.abc import Iterator
 from itertools import combinations, islice
@@ -7,13 +7,11 @@ from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.values import Symbol
-from rmr.bytecode.program import Assertion, Program
-from rmr.node.actions.job_steps import may_serve
+from rmr.bytecode.program import Program
 from rmr.node.driver import spots
 from rmr.node.motion.astar import plan
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
-from rmr_world.validate.first_instant import MOVETO
 
 PLANS_MAX = 200
 """Ways out of stations that are planned; a plan takes about a millisecond."""
@@ -54,19 +52,10 @@ def stations_left(lab: Lab, program: Program) -> Iterator[Finding]:
                 break
 
 
-def stations_in_turns(lab: Lab, program: Program) -> Iterator[Finding]:
-    """Warn of stations into which robots drive without a turn, since no drive serves a time assertion."""
-    if lab.arena.stations and not any(_served_by_drive(program, each) for each in program.assertions):
-        why = f"no {MOVETO} serves a time assertion of the program, so robots drive into them without turns"
-        yield lab.warning(("stations",), f"the stations are of no use: {why}")
-
-
 FIT = (stations_used,)
 """The rules of stations and program."""
 REACHABILITY = (stations_left,)
 """The rules of the ways out."""
-CHECKS = (stations_in_turns,)
-"""The rules of turns."""
 
 
 def _path(lab: Lab, name: str) -> FilePath:
@@ -79,8 +68,3 @@ def _points_outside(lab: Lab, area: Area) -> Point | None:
     areas = (other.places[0] for other in lab.arena.areas if other != area)
     starts = (Point(robot.pose.x, robot.pose.y) for robot in lab.robots)
     return next(iter((*areas, *starts)), None)
-
-
-def _served_by_drive(program: Program, assertion: Assertion) -> bool:
-    moves = program.index(MOVETO)
-    return assertion.scheduled and moves is not None and may_serve(program, assertion, moves)
