@@ -9,6 +9,7 @@ from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import Kind
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.config import NodeConfig
+from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.crossing.phases import Slotted, phase_name
 from rmr.node.driver import Driver
@@ -152,14 +153,22 @@ def progress(node: ReportedNode, now: Instant) -> str:
     doing = action.text(node.robot) if action is not None else "waiting"
     if node.services.blocked:
         return f"{doing}, {node.services.blocked}"
-    full = node.crossings.full_words(now)
-    if full:
-        return f"{doing}, {full}"
     if crossing is None:
         return doing
+    full = full_words(crossing, node.crossings.inside(now, crossing)) if crossing.station else ""
+    if full:
+        return f"{doing}, {full}"
     if isinstance(crossing.phase, Slotted):
         return f"{doing}, turn {crossing.rank} in {in_seconds(crossing.phase.start - now):.1f} s"
     return f"{doing}, {phase_name(crossing.phase)}"
+
+
+def full_words(crossing: Crossing, inside: Sequence[int]) -> str:
+    """Return that the station for which a robot waits is full, and of whom; empty if a place is left or it is in."""
+    if not crossing.waits or crossing.goal is None or len(inside) < crossing.capacity:
+        return ""
+    robots = f"robot {inside[0]}" if len(inside) == 1 else "robots " + ", ".join(map(str, inside))
+    return f"station {crossing.goal.name} is full: {robots}"
 
 
 def status(node: ReportedNode, now: Instant, radio: dict[str, int]) -> dict[str, Any]:

@@ -158,6 +158,17 @@ def test_a_robot_that_never_leaves_goes_on_holding_its_place(tmp_path):
     assert all(words in progress(robot.node, seconds(40.0)) for robot in waiting)
 
 
+def test_a_robot_that_starts_or_is_restarted_in_a_station_holds_its_place(tmp_path):
+    stay = "start(@3) -o done(@3).\nstart(@1) -o done(@1).\nstart(@2) -o low(@2)."
+    dock(tmp_path, program=PROGRAM.replace("start(R) -o low(R).", stay), last="30s")
+    text = (tmp_path / "lab.yaml").read_text().replace("{id: 1, pose: [0.2, 0.2,", "{id: 1, pose: [1.7, 0.75,")
+    (tmp_path / "lab.yaml").write_text(text + "\nfaults: [{at: 8s, kill: 1}, {at: 9s, restart: 1}]\n")
+    simulation, there = watched(prepare(tmp_path, seed=1))
+    assert not simulation.run()
+    assert {robots for _, robots in there[1:]} == {frozenset([1])}
+    assert {entry["robot"] for entry in traced(simulation, "entered")} == {1}
+
+
 @pytest.mark.slow
 def test_a_drive_to_a_station_whose_places_the_dead_have_fails_and_names_them(tmp_path):
     simulation, _ = dock(tmp_path, faults="faults: [{at: 14s, kill: 1}, {at: 14s, kill: 2}, {at: 14s, kill: 3}]")

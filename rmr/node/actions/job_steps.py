@@ -98,6 +98,12 @@ def serves(program: Program, job: TimedJob, action: int) -> bool:
     return job.assertion >= 0 and may_serve(program, program.assertions[job.assertion], action)
 
 
+def led_to(program: Program, live: Sequence[TimedJob], action: int) -> list[TimedJob]:
+    """Return the scheduled ones of the `live` jobs that `action` serves if later ones are counted, first due first."""
+    found = [job for job in live if program.assertions[job.assertion].scheduled and serves(program, job, action)]
+    return sorted(found, key=lambda job: (job.deadline, job.serial))
+
+
 def may_serve(program: Program, assertion: Assertion, action: int) -> bool:
     """Return whether `action` can follow from the start fact of `assertion`, and its finish from that or a later
     step."""

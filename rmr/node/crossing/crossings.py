@@ -13,7 +13,6 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stable_hash
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Symbol, Value
-from rmr.bytecode.program import Kind
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
@@ -26,12 +25,12 @@ from rmr.coord.events import (
 )
 from rmr.coord.timing import Order
 from rmr.node.actions.dispatcher import Permit, RunningAction
-from rmr.node.actions.job_steps import serves
+from rmr.node.actions.job_steps import led_to
 from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.observer import Observer
 from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
-from rmr.node.crossing.request import area_among, goal_of, without_deadline
+from rmr.node.crossing.request import area_among, goal_of, may_drive, without_deadline
 from rmr.node.crossing.shared_path import GROUPS_KEPT, SharedPaths, keep
 from rmr.node.crossing.situation import (
     ChangeRank,
@@ -46,6 +45,7 @@ from rmr.node.crossing.situation import (
     Unforeseen,
     Withdraw,
 )
+from rmr.node.crossing.station_area import contains
 from rmr.node.parts import CrossingHost
 from rmr.vm.job import TimedJob
 
@@ -61,6 +61,8 @@ class Crossings:
         self._crossings: dict[bytes, Crossing] = {}
         self._paths = SharedPaths(robot, core, self.name_of)
         self.destinations = Destinations(robot)
+        self._looks = robot.driver is not None and bool(robot.config.arena.stations)
+        """Whether the robot has not yet looked whether it stands in a station."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each group."""
         self.next_wake: Instant = NEVER
@@ -86,11 +88,8 @@ class Crossings:
 
     def _may_lead_to_station(self, job: TimedJob) -> bool:
         """Return whether an action that serves `job` may drive into a station: which one, rules have to derive."""
-        program = self._robot.program
-        actions = (index for index, each in enumerate(program.predicates) if each.kind is Kind.ACTION)
-        return bool(self._robot.config.arena.stations) and any(
-            self._robot.drives_to_area(action) and serves(program, job, action) for action in actions
-        )
+        robot = self._robot
+        return bool(robot.config.arena.stations) and may_drive(robot.program, robot.drives_to_area, job)
 
     def _contend(self, now: Instant, job: TimedJob, goal: Area | None) -> None:
         """Ask for a turn among the robots of the job's event."""
@@ -157,7 +156,7 @@ class Crossings:
         if self._is_alone:
             return None
         if area is not None and self._is_station(area):
-            job = next(iter(jobs or self._led_to(live, action)), None)
+            job = next(iter(jobs or led_to(self._robot.program, live, action)), None)
             return self._hold_station(now, job, area)
         if not jobs:
             return None
@@ -173,11 +172,14 @@ class Crossings:
     def _is_station(self, area: Area) -> bool:
         return self._robot.driver is not None and self._robot.config.arena.capacity(area.name) > 0
 
-    def _led_to(self, live: Sequence[TimedJob], action: int) -> list[TimedJob]:
-        """Return the `live` jobs that an action serves if later actions are counted, first due first."""
-        program = self._robot.program
-        found = [job for job in live if program.assertions[job.assertion].scheduled and serves(program, job, action)]
-        return sorted(found, key=lambda job: (job.deadline, job.serial))
+    def _find_itself(self, now: Instant) -> None:
+        """Hold the station in which the robot finds itself at its start, as after a restart or a new program."""
+        pose = self._robot.pose
+        self._looks = pose is None
+        for name, _ in () if pose is None or self._is_alone else self._robot.config.arena.stations:
+            area = self._robot.config.arena.area(name)
+            if area is not None and pose is not None and contains(area, Point(pose.x, pose.y)):
+                self._hold_station(now, None, area)
 
     def _hold_station(self, now: Instant, job: TimedJob | None, area: Area) -> Crossing:
         """Return the crossing of a station, which is asked for unless the robot has one that is not over.
@@ -281,16 +283,9 @@ class Crossings:
             for crossing in self._crossings.values()
         )
 
-    def full_words(self, now: Instant) -> str:
-        """Return which station the robot waits for, and who has its places; empty if a place is left."""
-        crossing = self.current
-        if crossing is None or not crossing.station or not crossing.waits or crossing.goal is None:
-            return ""
-        inside = self._core.inside(now, crossing.group_id)
-        if len(inside) < crossing.capacity:
-            return ""
-        robots = "robot " + str(inside[0]) if len(inside) == 1 else "robots " + ", ".join(map(str, inside))
-        return f"station {crossing.goal.name} is full: {robots}"
+    def inside(self, now: Instant, crossing: Crossing) -> list[int]:
+        """Return the other robots that are in the resource of `crossing`, as far as this one has heard."""
+        return self._core.inside(now, crossing.group_id)
 
     @property
     def rank(self) -> int:
@@ -311,6 +306,8 @@ class Crossings:
 
     def step(self, now: Instant) -> None:
         """Advance every crossing."""
+        if self._looks:
+            self._find_itself(now)
         soonest = NEVER
         for crossing in self._crossings.values():
             if crossing.course.destination is not None:

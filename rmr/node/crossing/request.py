@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterable
 from rmr.base.arena import Area, Arena
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol, Value
-from rmr.bytecode.program import Anything, Constant, Program, Serving, Slot
+from rmr.bytecode.program import Anything, Constant, Kind, Program, Serving, Slot
+from rmr.node.actions.job_steps import serves
 from rmr.vm.job import TimedJob
 
 
@@ -38,6 +39,12 @@ def known_arguments(serving: Serving, job: TimedJob) -> list[Value]:
             case Anything():
                 pass
     return known
+
+
+def may_drive(program: Program, drives_to_area: Callable[[int], bool], job: TimedJob) -> bool:
+    """Return whether an action that serves `job`, or a later one of whose chain does, may drive to an area."""
+    actions = (index for index, each in enumerate(program.predicates) if each.kind is Kind.ACTION)
+    return any(drives_to_area(action) and serves(program, job, action) for action in actions)
 
 
 def without_deadline(now: Instant, robot: int, name: str) -> TimedJob:
