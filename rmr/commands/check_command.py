@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rmr.commands import diagnosed
 from rmr.commands.common import become_program, print_json
-from rmr.entry.command_line import Command, CommandLineError, Parser
+from rmr.entry.command_line import Command, Parser
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
@@ -21,8 +21,8 @@ Check programs and labs and print what is wrong with them.
 LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run.
 
 With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
-which time assertions and how, what each rule needs and sends, and whether all robots can be run at once. With
---json that is one object.
+which time assertions and how, what each rule needs and sends, and whether all robots can be run at once; for each lab,
+its passages, which robots need them, and what the turns of its time assertions cover. With --json that is one object.
 """
 
 
@@ -36,9 +36,8 @@ def _declare(parser: Parser) -> None:
 def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None) -> int:
     """Check programs; a command line with a lab is that of `rmr lab check`."""
     if svg is not None or any(_is_lab(path) for path in programs):
-        if explain:
-            raise CommandLineError("--explain is about programs: name the lab's program")
-        options = [*(["--json"] if as_json else []), *([] if svg is None else ["--svg", os.fspath(svg)])]
+        flags = [*(["--json"] if as_json else []), *(["--explain"] if explain else [])]
+        options = [*flags, *([] if svg is None else ["--svg", os.fspath(svg)])]
         become_program("lab", ["check", *options, "--", *map(os.fspath, programs)])
     from rmr.lang.compiler import compile_file
 

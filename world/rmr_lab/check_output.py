@@ -4,27 +4,44 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from rmr.entry import ExitCode
+from rmr_lab.explained_lab import ExplainedLab, show
+from rmr_lab.explained_lab import explain as explain_lab
 from rmr_lab.lab_check import ERROR, CheckResult, check
 from rmr_lab.picture import draw
 from rmr_world.bound import bound_s, destinations
 from rmr_world.lab import Lab
+from rmr_world.narrow_places import narrow_places
 from rmr_world.validate.first_instant import first_destinations
 
 
-def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
-    """Check `paths`, print the findings, draw the lab if `svg` is given; return the exit code."""
+def perform(paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | None) -> int:
+    """Check `paths`, print the findings, explain the labs, draw one if `svg` is given; return the exit code."""
     found = [check(path) for path in paths]
+    explained = _explained(found) if explain else []
     if as_json:
-        print(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
+        listed = [entry for each in found for entry in each.as_json()]
+        labs = {"labs": [asdict(each) for each in explained]}
+        print(json.dumps({"diagnostics": listed, "explanation": labs} if explain else listed, indent=2))
     else:
         _show(found)
+        print("\n".join(map(show, explained)), end="")
     code = _exit_code(found)
     if svg is not None:
-        code = _draw(found[0], svg) or code
+        code = _draw(found[0], svg, explain=explain) or code
     return code
+
+
+def _explained(found: Sequence[CheckResult]) -> list[ExplainedLab]:
+    """Return the explanations of the labs without errors."""
+    return [
+        explain_lab(str(each.path), each.lab, each.program)
+        for each in found
+        if each.lab is not None and each.program is not None and ERROR not in each.severities
+    ]
 
 
 def _show(found: Sequence[CheckResult]) -> None:
@@ -56,15 +73,16 @@ def _exit_code(found: Sequence[CheckResult]) -> int:
     return ExitCode.USAGE if any(each.unreadable for each in found) else 0
 
 
-def _draw(found: CheckResult, svg: Path) -> int:
-    """Write the picture; return the exit code."""
+def _draw(found: CheckResult, svg: Path, *, explain: bool) -> int:
+    """Write the picture, with the narrow passages if it is to `explain`; return the exit code."""
     lab = found.lab
     if lab is None:
         print(f"{svg} is not drawn: the lab file has errors", file=sys.stderr)
         return ExitCode.INVALID
     goals = destinations(lab) if found.program is None else first_destinations(lab, found.program)
     try:
-        svg.write_text(draw(lab, goals), encoding="utf-8")
+        passages = narrow_places(lab.arena).passages if explain else ()
+        svg.write_text(draw(lab, goals, passages), encoding="utf-8")
     except OSError as error:
         print(f"{svg}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE

@@ -17,10 +17,11 @@ from rmr_world.provided_labs import existing_lab, provided_labs
 def _declare_check(parser: Parser) -> None:
     parser.positional("paths", "LAB", read=existing_lab, count="+", usage="LAB...")
     parser.flag("--json", dest="as_json", help="Print the findings as one JSON list on stdout.")
+    parser.flag("--explain", help="Also list the passages, who needs them, and what turns cover.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw the lab: floor, areas, robots and their ways.")
 
 
-def _check(paths: list[Path], as_json: bool, svg: Path | None) -> int:
+def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None) -> int:
     """Check labs, and programs by themselves; return the exit code."""
     from rmr_lab.check_output import perform
 
@@ -28,7 +29,9 @@ def _check(paths: list[Path], as_json: bool, svg: Path | None) -> int:
         raise CommandLineError("--svg draws one lab: name one")
     if svg is not None and paths[0].suffix == ".rmr":
         raise CommandLineError("--svg draws a lab: name a lab file or its folder, not a program")
-    return perform(paths, as_json=as_json, svg=svg)
+    if explain and any(path.suffix == ".rmr" for path in paths):
+        raise CommandLineError("--explain explains labs or programs: name one kind at a time")
+    return perform(paths, as_json=as_json, explain=explain, svg=svg)
 
 
 _CHECK = Command(

@@ -1,12 +1,12 @@
 """Drawing of a lab as an SVG: the floor before a run.
 
-The layers are obstacles, areas with their slots, boxes and queues, beacons, the bottleneck, the robots with their
-headings and fields of view, and the route of each robot to its destination, from the robots' own planner. Metres are
-scaled to pixels; y points up.
+The layers are obstacles, areas with their slots, boxes and queues, beacons, narrow passages, the bottleneck, the robots
+with their headings and fields of view, and the route of each robot to its destination, from the robots' own planner.
+Metres are scaled to pixels; y points up.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 from rmr.base.arena import Area, Arena, Disc
@@ -15,6 +15,7 @@ from rmr.node.driver import spots
 from rmr.node.motion.route import leader_route
 from rmr_world.bound import bound_s
 from rmr_world.lab import Lab, RobotStart
+from rmr_world.narrow_places import NarrowPassage
 
 SIDE_PX = 900.0
 """Length of the longer side of the floor."""
@@ -32,6 +33,7 @@ STYLE = """
 .box { fill: #3f8f4f; fill-opacity: 0.12; stroke: #3f8f4f; stroke-width: 1.5 }
 .queue { fill: none; stroke: #b8860b; stroke-dasharray: 3 3 }
 .mouth { fill: none; stroke: #c22; stroke-width: 3 }
+.narrow { fill: none; stroke: #c22; stroke-opacity: 0.15 }
 .passage { stroke: #c22; stroke-width: 2; stroke-dasharray: 8 4 }
 .beacon { fill: #7a3fb0 }
 .view { fill: #3465a4; fill-opacity: 0.10 }
@@ -45,24 +47,32 @@ text { font-family: sans-serif; font-size: 13px; fill: #222 }
 """
 
 
-def draw(lab: Lab, goals: Mapping[int, Area]) -> str:
+def draw(lab: Lab, goals: Mapping[int, Area], passages: Sequence[NarrowPassage] = ()) -> str:
     """Return `lab` as the text of an SVG; `goals` holds the destination of each robot by its id."""
-    return _Picture(lab, goals).text()
+    return _Picture(lab, goals, passages).text()
 
 
 class _Picture:
     """One picture."""
 
-    def __init__(self, lab: Lab, goals: Mapping[int, Area]) -> None:
+    def __init__(self, lab: Lab, goals: Mapping[int, Area], passages: Sequence[NarrowPassage]) -> None:
         self._lab = lab
         self._goals = goals
+        self._passages = passages
         self._arena: Arena = lab.arena
         self._scale = SIDE_PX / max(lab.arena.width, lab.arena.height)
 
     def text(self) -> str:
         width = self._arena.width * self._scale + 2 * MARGIN_PX
         height = self._arena.height * self._scale + 2 * MARGIN_PX + HEADER_PX
-        parts = [*self._floor(), *self._obstacles(), *self._areas(), *self._bottleneck(), *self._routes()]
+        parts = [
+            *self._floor(),
+            *self._obstacles(),
+            *self._areas(),
+            *self._found(),
+            *self._bottleneck(),
+            *self._routes(),
+        ]
         parts += [*self._beacons(), *self._robots(), *self._labels()]
         size = f'width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<style>{STYLE}</style>\n'
@@ -141,6 +151,13 @@ class _Picture:
             yield self._circle("mouth", mouth, self._arena.shape.radius)
         if len(mouths) == 2:
             yield self._line("passage", *mouths)
+
+    def _found(self) -> Iterator[str]:
+        for passage in self._passages:
+            width = passage.width * self._scale
+            points = self._points(passage.line)
+            yield f'<polyline class="narrow" stroke-width="{width:.1f}" points="{points}"/>'
+            yield self._text("small", passage.line[len(passage.line) // 2], passage.name, -4)
 
     def _routes(self) -> Iterator[str]:
         taken: dict[str, int] = {}

@@ -153,11 +153,16 @@ class _Search:
         while steps[cell] > 0:
             cell = min(n for n in self._neighbours(cell) if steps.get(n, -1) == steps[cell] - 1)
             path.append(cell)
-        points = [self._grid.centre(each) for each in path]
-        line = (*points[:-1:LINE_STEP], points[-1]) if len(points) > 1 else (points[0], points[0])
+        points = [self._axis(cells, each) for each in path[:-1:LINE_STEP] + path[-1:]]
+        line = (*points, points[-1]) if len(points) == 1 else tuple(points)
         clear = self._grid.clear
         narrowest = min(path, key=lambda each: (max(clear[n] for n in self._neighbours(each)), each))
         self._passages.append((min(line, line[::-1]), 2.0 * self._clearest(narrowest)))
+
+    def _axis(self, cells: set[Cell], cell: Cell) -> Point:
+        """Return the mean of `cell` and its neighbours in the skeleton, which has a cell on either side of the axis."""
+        near = [self._grid.centre(n) for n in (cell, *_around(cell)) if n in cells]
+        return Point(sum(x for x, _ in near) / len(near), sum(y for _, y in near) / len(near))
 
     def _clearest(self, cell: Cell) -> float:
         """Return the greatest clearance around the centre of `cell`, metres: at the axis, which lies beside it."""

@@ -9,6 +9,7 @@ from rmr_world.validate import (
     area_capacity,
     bottleneck_use,
     deadline_feasibility,
+    exclusion,
     lab_lint,
     program_fit,
     reachability,
@@ -23,6 +24,7 @@ FEASIBILITY = (
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
     *bottleneck_use.CHECKS,
+    *exclusion.CHECKS,
     *schedulability.CHECKS,
 )
 """Checks of phase 4, which yield warnings only."""

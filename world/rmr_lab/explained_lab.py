@@ -1,0 +1,276 @@
+"""`rmr check LAB --explain`: the passages of a lab, who needs them, and what the turns of its assertions cover.
+
+An explanation is data (dataclasses that become JSON as they are); `show` renders it as text. Drives are those with
+which robots begin (`rmr_world.passage_use`), with times at full speed and without other robots.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rmr.base.geometry import Point
+from rmr.base.time import in_seconds
+from rmr.bytecode.program import Assertion, Program
+from rmr_lab.text_map import text_map
+from rmr_world.lab import Lab
+from rmr_world.narrow_places import narrow_places, side_by_side_m
+from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, passage_uses, stretch
+
+SIGNS = "abcdefghijklmnpqrstuvwxyz"
+"""Letters of passages on the map; further ones are marked by the last. Robots are `o`."""
+PASSAGES_SHOWN_MAX = 50
+"""Passages that are shown as text; JSON has them all."""
+
+IN_TURNS = "in turns"
+"""How a drive goes through a passage: by a turn of this passage, ..."""
+WHOLE_DRIVE = "whole drive"
+"""... by a turn that is the whole drive, which excludes all other jobs of the event, ..."""
+WITHOUT_TURN = "without a turn"
+"""... by none, or by a turn that ends elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedDrive:
+    """The first drive of a robot, on its way through a passage."""
+
+    robot: int
+    goal: str
+    event: str | None
+    """The event whose turn it waits for."""
+    scheduled: str
+    """`IN_TURNS`, `WHOLE_DRIVE` or `WITHOUT_TURN`."""
+    enters_by: int
+    """The end by which it enters, from 1."""
+    enters_s: float
+    """Seconds from the start of the drive, at full speed."""
+    leaves_s: float
+    due_s: float | None
+    """Deadline of the job, lab time in seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedPassage:
+    """A passage of the floor."""
+
+    name: str
+    key: str | None
+    """The key of the lab file that names it; None: it was found."""
+    areas: tuple[str, ...]
+    """The areas at its entrances, if it is named."""
+    ends: tuple[Point, ...]
+    width_m: float | None
+    """Free width at the narrowest point; None: two robots pass each other there."""
+    length_m: float | None
+    drives: tuple[ExplainedDrive, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedZone:
+    """A place where narrow sections meet."""
+
+    name: str
+    centre: Point
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedTurn:
+    """What the turns of one time assertion cover."""
+
+    assertion: str
+    held: tuple[str, ...]
+    """The actions that wait for the turn; empty: nothing is exclusive."""
+    events: tuple[str, ...]
+    """The events of the jobs that begin at the start."""
+    over: str
+    begins: str
+    ends: str
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedLab:
+    """The explanation of one lab."""
+
+    file: str
+    lab: str
+    side_by_side_m: float
+    """Least width in which two robots pass each other."""
+    passages: tuple[ExplainedPassage, ...]
+    zones: tuple[ExplainedZone, ...]
+    turns: tuple[ExplainedTurn, ...]
+    map: str
+
+
+def explain(file: str, lab: Lab, program: Program) -> ExplainedLab:
+    """Explain a lab without errors."""
+    uses = passage_uses(lab, program)
+    zones = narrow_places(lab.arena).zones
+    return ExplainedLab(
+        file=file,
+        lab=lab.name,
+        side_by_side_m=side_by_side_m(lab.arena.shape.radius),
+        passages=tuple(_passage(lab, use) for use in uses),
+        zones=tuple(ExplainedZone(zone.name, zone.centre, zone.radius) for zone in zones),
+        turns=tuple(_turn(lab, program, each) for each in program.assertions),
+        map=_map(lab, uses),
+    )
+
+
+def _passage(lab: Lab, use: PassageUse) -> ExplainedPassage:
+    named = use.named
+    drives = (_drive(lab, use, drive) for drive in use.drives)
+    return ExplainedPassage(
+        name=use.name,
+        key=None if named is None else ".".join(map(str, named.path)),
+        areas=() if named is None else named.areas,
+        ends=use.ends,
+        width_m=min((each.width for each in use.narrow), default=None),
+        length_m=sum(each.length for each in use.narrow) if use.narrow else None,
+        drives=tuple(each for each in drives if each is not None),
+    )
+
+
+def _drive(lab: Lab, use: PassageUse, drive: FirstDrive) -> ExplainedDrive | None:
+    within = stretch(drive.route, use)
+    if within is None:
+        return None
+    entrance = drive.route.point(within[0])
+    away = [(entrance.x - end.x) ** 2 + (entrance.y - end.y) ** 2 for end in use.ends]
+    speed = lab.arena.shape.speed
+    return ExplainedDrive(
+        robot=drive.robot,
+        goal=drive.goal.name,
+        event=drive.event,
+        scheduled=_scheduled(use, drive),
+        enters_by=away.index(min(away)) + 1,
+        enters_s=within[0] / speed,
+        leaves_s=within[1] / speed,
+        due_s=None if drive.job is None else in_seconds(drive.job.deadline),
+    )
+
+
+def _scheduled(use: PassageUse, drive: FirstDrive) -> str:
+    if drive.job is None:
+        return WITHOUT_TURN
+    if not drive.gated:
+        return WHOLE_DRIVE
+    return IN_TURNS if use.named is not None else WITHOUT_TURN
+
+
+def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
+    held = tuple(dict.fromkeys(program.predicates[each.action].name for each in assertion.serving))
+    if not assertion.scheduled or not held:
+        why = "no action leads to its finish" if assertion.scheduled else "it is only watched"
+        return ExplainedTurn(assertion.name, (), (), f"nothing: {why}", "", "")
+    drives = [d for d in first_drives(lab, program) if d.job and program.assertions[d.job.assertion] is assertion]
+    events = tuple(dict.fromkeys(drive.event for drive in drives if drive.event is not None))
+    action = f"the first {held[0]} begins" if len(held) == 1 else f"the first of {', '.join(held)} begins"
+    whole = f"the last {'of them' if len(held) > 1 else held[0]} has ended, or the job"
+    gated = sum(drive.gated for drive in drives)
+    if drives and gated == len(drives):
+        over = "the bottleneck: one direction at a time, robots of one direction one behind the other"
+        return ExplainedTurn(
+            assertion.name, held, events, over,
+            "the robot is at its entrance (it sets out before, to be there in time)",
+            "its hull is out of the narrow section",
+        )  # fmt: skip
+    if not gated and (drives or not lab.arena.bottleneck):
+        over = "all of the held actions: one robot of the event at a time"
+        return ExplainedTurn(assertion.name, held, events, over, action, whole)
+    over = "the bottleneck for drives that pass it, else all of the held actions, one robot of the event at a time"
+    begins = f"the robot is at the entrance, else {action}"
+    return ExplainedTurn(
+        assertion.name, held, events, over, begins, f"its hull is out of the narrow section, else {whole}"
+    )
+
+
+def _map(lab: Lab, uses: tuple[PassageUse, ...]) -> str:
+    lines = {
+        _sign(k): [pair for each in use.narrow for pair in pairwise(each.line)] or list(pairwise(use.ends))
+        for k, use in reversed(list(enumerate(uses)))
+    }
+    areas = [place for area in lab.arena.areas for place in area.places]
+    robots = [Point(robot.pose.x, robot.pose.y) for robot in lab.robots]
+    return text_map(lab.arena, lines, {".": areas, "o": robots})
+
+
+def _sign(index: int) -> str:
+    return SIGNS[min(index, len(SIGNS) - 1)]
+
+
+def show(explained: ExplainedLab) -> str:
+    """Return an explanation as text."""
+    return "".join(f"{line}\n" for line in _lines(explained))
+
+
+def _lines(explained: ExplainedLab) -> Iterator[str]:
+    yield f"{explained.file}: {explained.lab}"
+    yield ""
+    yield "FLOOR. # obstacle, o robot, . place of an area; letters are passages."
+    yield f"Two robots pass each other where it is {explained.side_by_side_m:.2f} m wide or more."
+    yield from (
+        "",
+        explained.map,
+        "",
+        "PASSAGES. Times at full speed, alone, from the start of the robot's first drive.",
+    )
+    for index, passage in enumerate(explained.passages[:PASSAGES_SHOWN_MAX]):
+        yield ""
+        yield from _passage_lines(_sign(index), passage)
+    if not explained.passages:
+        yield from ("", "  none: two robots can pass each other everywhere")
+    left_out = len(explained.passages) - PASSAGES_SHOWN_MAX
+    if left_out > 0:
+        yield from ("", f"  ... and {left_out} more; --json has them all")
+    for zone in explained.zones:
+        yield from ("", f"  {zone.name}  where narrow sections meet, at {_at(zone.centre)}")
+    yield from ("", "TIME ASSERTIONS. What a turn covers.")
+    for turn in explained.turns:
+        yield ""
+        yield from _turn_lines(turn)
+    if not explained.turns:
+        yield from ("", "  none")
+
+
+def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
+    ends = " to ".join(map(_at, passage.ends))
+    size = "not narrow" if passage.width_m is None else f"{passage.width_m:.2f} m wide, {passage.length_m:.2f} m long"
+    yield f"  {sign}  {passage.name}  {ends}, {size}"
+    if passage.key is None:
+        yield "     found      the lab file does not name it"
+    else:
+        yield f"     named      by the key {passage.key}: {', '.join(passage.areas)}"
+    if passage.width_m is not None:
+        yield "     capacity   one robot abreast: one direction at a time, one robot behind the other"
+    kinds = dict.fromkeys(drive.scheduled for drive in passage.drives)
+    yield f"     scheduled  {' and '.join(_KINDS[kind] for kind in kinds) or 'no drive at the start needs it'}"
+    if passage.drives:
+        yield "     robot  by end  enters [s]  leaves [s]  due [s]  event, destination"
+    for drive in passage.drives:
+        due = "" if drive.due_s is None else f"{drive.due_s:.1f}"
+        times = f"{drive.enters_s:10.1f}  {drive.leaves_s:10.1f}  {due:>7}"
+        event = "no turn" if drive.event is None else drive.event.removesuffix("()")
+        yield f"     {drive.robot:5}  {drive.enters_by:6}  {times}  {event}, {drive.goal}"
+
+
+_KINDS = {
+    IN_TURNS: "yes, by turns of this passage",
+    WHOLE_DRIVE: "yes, by turns that are the whole drive: one robot of an event at a time",
+    WITHOUT_TURN: "no, no turn covers it",
+}
+
+
+def _turn_lines(turn: ExplainedTurn) -> Iterator[str]:
+    yield f"  {turn.assertion}"
+    if turn.held:
+        yield f"     held    {', '.join(turn.held)}"
+    yield f"     over    {turn.over}"
+    if turn.held:
+        yield f"     from    {turn.begins}"
+        yield f"     to      {turn.ends}"
+        events = ", ".join(event.removesuffix("()") for event in turn.events)
+        yield f"     events  {events or 'none begins with a drive at the start'}"
+
+
+def _at(point: Point) -> str:
+    return f"[{point.x:.2f}, {point.y:.2f}]"

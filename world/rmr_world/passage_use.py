@@ -1,0 +1,191 @@
+"""Which robots' drives pass which narrow places, and by which turns.
+
+Known are the drives with which robots begin (`first_instant`): the `moveto` that a program derives from its initial
+facts alone, and the job that it serves. Later drives depend on what robots sense and receive, and are not shown.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.program import Constant, Program, Serving, Slot
+from rmr.node.motion.route import GATE_REACH_M, Route, leader_route
+from rmr.vm.job import TimedJob
+from rmr.vm.machine_events import ActionDerived
+from rmr_world.finding import FilePath
+from rmr_world.lab import Lab, RobotStart
+from rmr_world.narrow_places import NarrowPassage, NarrowPlaces, narrow_places
+from rmr_world.validate.first_instant import MOVETO, ROBOTS_MAX, machine_after_start
+
+SAMPLE_M = 0.02
+"""Step along a route in the search for narrow places on it."""
+LINE_M = 0.02
+"""Tolerance of a centre line, which follows the cells of a grid."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedPassage:
+    """A passage that the lab file names."""
+
+    name: str
+    path: FilePath
+    """Its place in the lab file."""
+    areas: tuple[str, ...]
+    """The areas at its entrances."""
+    entrances: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FirstDrive:
+    """The first drive of a robot that knows at the start where it goes."""
+
+    robot: int
+    goal: Area
+    route: Route
+    job: TimedJob | None
+    """The scheduled job that the drive serves; None: it waits for no turn."""
+
+    @property
+    def event(self) -> str | None:
+        """The event of the job; robots with jobs of one event take turns."""
+        return None if self.job is None else self.job.event
+
+    @property
+    def gated(self) -> bool:
+        """Whether its turn is a passage of a named bottleneck, and not the whole drive."""
+        return self.job is not None and self.route.gate_m is not None
+
+
+@dataclass(frozen=True, slots=True)
+class PassageUse:
+    """A passage of the floor, named or found, and the drives that pass it."""
+
+    name: str
+    named: NamedPassage | None
+    """None: it was found, and the lab file does not name it."""
+    ends: tuple[Point, ...]
+    narrow: tuple[NarrowPassage, ...]
+    """The narrow sections of the floor that it consists of; empty where a named one is not narrow."""
+    drives: tuple[FirstDrive, ...]
+
+    @property
+    def events(self) -> tuple[str | None, ...]:
+        """The events of the drives, none twice; None for drives that wait for no turn."""
+        return tuple(dict.fromkeys(drive.event for drive in self.drives))
+
+
+def named_passages(arena: Arena) -> tuple[NamedPassage, ...]:
+    """Return the passages that the lab file names: the only place that knows by which keys."""
+    if not arena.bottleneck:
+        return ()
+    return (NamedPassage("bottleneck", ("bottleneck",), arena.bottleneck, arena.mouths),)
+
+
+@lru_cache(maxsize=4)
+def passage_uses(lab: Lab, program: Program) -> tuple[PassageUse, ...]:
+    """Return the passages of the lab: those that it names first, then the others that were found."""
+    arena = lab.arena
+    found = narrow_places(arena)
+    drives = first_drives(lab, program)
+    uses = []
+    left = list(found.passages)
+    for named in named_passages(arena):
+        own = tuple(each for each in left if _belongs(each, named))
+        left = [each for each in left if each not in own]
+        ends = named.entrances if len(named.entrances) > 1 or not own else own[0].ends
+        passing = tuple(d for d in drives if d.route.gate_m is not None or any(_stretch(d.route, each) for each in own))
+        uses.append(PassageUse(named.name, named, ends, own, passing))
+    for each in left:
+        passing = tuple(drive for drive in drives if _stretch(drive.route, each))
+        uses.append(PassageUse(each.name, None, each.ends, (each,), passing))
+    return tuple(uses)
+
+
+@lru_cache(maxsize=4)
+def first_drives(lab: Lab, program: Program) -> tuple[FirstDrive, ...]:
+    """Return the first drive of each robot, at most one for a robot, for the first `ROBOTS_MAX` robots."""
+    if program.index(MOVETO) is None:
+        return ()
+    found = (_first_drive(lab, program, start) for start in lab.robots[:ROBOTS_MAX])
+    return tuple(drive for drive in found if drive is not None)
+
+
+def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
+    """Return whether a robot at `at` stands in a narrow section."""
+    return any(_holds(each, at) for each in found.passages)
+
+
+def _first_drive(lab: Lab, program: Program, start: RobotStart) -> FirstDrive | None:
+    machine = machine_after_start(lab, program, start.id)
+    moveto = program.index(MOVETO)
+    for event in machine.drain():
+        if not isinstance(event, ActionDerived) or event.predicate != moveto or event.executor != start.id:
+            continue
+        goal = lab.arena.area(str(event.args[0])) if event.args and isinstance(event.args[0], Symbol) else None
+        if goal is None:
+            return None
+        here = Point(start.pose.x, start.pose.y)
+        route = leader_route(lab.arena, here, goal.places[0], (), through_gate=True)
+        job = next((job for job in machine.jobs if _serves(program, job, event.predicate, event.args)), None)
+        return None if route is None else FirstDrive(start.id, goal, route, job)
+    return None
+
+
+def _serves(program: Program, job: TimedJob, action: int, args: tuple[Value, ...]) -> bool:
+    """Return whether an action with these arguments waits for the turn of `job`."""
+    assertion = program.assertions[job.assertion]
+    return assertion.scheduled and any(
+        serving.action == action and _matches(serving, job, args) for serving in assertion.serving
+    )
+
+
+def _matches(serving: Serving, job: TimedJob, args: tuple[Value, ...]) -> bool:
+    for pattern, arg in zip(serving.args, args, strict=True):
+        if isinstance(pattern, Constant) and pattern.value != arg:
+            return False
+        if isinstance(pattern, Slot) and job.bindings[pattern.index] not in (None, arg):
+            return False
+    return True
+
+
+def _belongs(found: NarrowPassage, named: NamedPassage) -> bool:
+    """Return whether a narrow section that was found is one that the lab names: at an entrance, or between two."""
+    reach_m = GATE_REACH_M + found.width / 2.0
+    if any(found.away(entrance) <= reach_m for entrance in named.entrances):
+        return True
+    middle = found.line[len(found.line) // 2]
+    return any(point_segment_distance(*middle, *a, *b) <= reach_m for a, b in pairwise(named.entrances))
+
+
+def stretch(route: Route, use: PassageUse) -> tuple[float, float] | None:
+    """Return where `route` enters a passage and where it has left it, arc lengths in metres; None: it does not pass.
+
+    Of a named passage that turns cover these are the gate and the end of the narrow section.
+    """
+    if use.named is not None and route.gate_m is not None:
+        return route.gate_m, route.clear_m
+    found = [each for passage in use.narrow if (each := _stretch(route, passage)) is not None]
+    return (min(enter for enter, _ in found), max(leave for _, leave in found)) if found else None
+
+
+def _stretch(route: Route, passage: NarrowPassage) -> tuple[float, float] | None:
+    """Return the arc lengths of the first and of the last point of `route` in a narrow section, metres."""
+    steps = int(route.length_m / SAMPLE_M)
+    inside = [k * SAMPLE_M for k in range(steps + 1) if _holds(passage, route.point(k * SAMPLE_M))]
+    return (inside[0], inside[-1]) if inside else None
+
+
+def _holds(passage: NarrowPassage, at: Point) -> bool:
+    """Return whether a robot at `at` is between the ends of a narrow section."""
+    reach_m = passage.width / 2.0 + LINE_M
+    x, y = at
+    low_x = min(point.x for point in passage.line) - reach_m
+    high_x = max(point.x for point in passage.line) + reach_m
+    if not low_x <= x <= high_x:
+        return False
+    away_m = passage.away(at)
+    ends_m = min(distance(x, y, *end) for end in passage.ends)
+    return away_m <= reach_m and away_m < ends_m - LINE_M

@@ -1,0 +1,117 @@
+"""Phase 4, exclusion: what a program makes an event of, and robots do without excluding each other.
+
+An event of a time assertion excludes its own jobs from each other: in the bottleneck if their drives pass that, else
+for their whole drives. These rules warn where that leaves robots of a scheduled assertion without turns.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from rmr.base.geometry import Point
+from rmr.bytecode.program import Assertion, Program
+from rmr_world.finding import FilePath, Finding
+from rmr_world.lab import Lab
+from rmr_world.narrow_places import narrow_places
+from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, is_in_narrow, named_passages, passage_uses
+from rmr_world.validate.first_instant import MOVETO
+from rmr_world.validate.schedulability import served_by_moveto
+
+
+def passage_not_exclusive(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of a narrow passage that robots of a scheduled assertion pass without turns that cover it."""
+    if not any(served_by_moveto(program, each) for each in program.assertions):
+        return
+    if any(drive.job is not None for drive in first_drives(lab, program)):
+        for use in passage_uses(lab, program):
+            yield from _several_events(lab, use)
+            if use.named is None:
+                yield from _turns_elsewhere(lab, use)
+
+
+def turn_cut_to_bottleneck(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of a turn that the key of a passage cuts short: it ends before further actions of the turn begin."""
+    named = named_passages(lab.arena)
+    for assertion in program.assertions if named else ():
+        further = _further_actions(program, assertion)
+        if not further or not served_by_moveto(program, assertion):
+            continue
+        drive = next((each for each in first_drives(lab, program) if _cut_short(lab, program, each, assertion)), None)
+        if drive is not None:
+            actions = " and ".join(further)
+            message = (
+                f"a turn of {_told(drive.event)} is a passage of the bottleneck and ends behind it, since the drive of "
+                f"robot {drive.robot} to '{drive.goal.name}' passes it: {actions}, which waits for the turn too, "
+                f"excludes nobody; name no area here that such a drive passes, or make {actions} an event of its own"
+            )
+            yield lab.warning(named[0].path, message)
+
+
+CHECKS = (passage_not_exclusive, turn_cut_to_bottleneck)
+"""The rules of exclusion."""
+
+
+def _several_events(lab: Lab, use: PassageUse) -> Iterator[Finding]:
+    """Warn of a passage for which robots with jobs of different events contend."""
+    events = use.events
+    if len(events) > 1 and _meet(use.drives):
+        parties = " and ".join(f"{_robots(use.drives, event)} ({_told(event)})" for event in events)
+        message = (
+            f"{_where(use)} is not exclusive: {parties} pass it, and an event excludes its own jobs only; leave out of "
+            f"the assertion's finish fact what tells them apart, or let one assertion hold all of these drives"
+        )
+        yield lab.warning(_path(use), message)
+
+
+def _turns_elsewhere(lab: Lab, use: PassageUse) -> Iterator[Finding]:
+    """Warn of a passage without a name that drives pass whose turn is a passage of another one."""
+    gated = [drive for drive in use.drives if drive.gated]
+    if gated and _meet(gated):
+        others = " and ".join(f"'{each.name}'" for each in named_passages(lab.arena))
+        message = (
+            f"{_where(use)} is not exclusive: the turns of {_robots(gated, gated[0].event)} ({_told(gated[0].event)}) "
+            f"cover {others} only; areas at the outer ends of both, named under bottleneck.mouths, let one turn "
+            f"cover both"
+        )
+        yield lab.warning(_path(use), message)
+
+
+def _meet(drives: Iterable[FirstDrive]) -> bool:
+    """Return whether there are two robots, which can meet in a passage."""
+    return len({drive.robot for drive in drives}) > 1
+
+
+def _further_actions(program: Program, assertion: Assertion) -> list[str]:
+    names = dict.fromkeys(program.predicates[each.action].name for each in assertion.serving)
+    return [name for name in names if name != MOVETO] if assertion.scheduled else []
+
+
+def _cut_short(lab: Lab, program: Program, drive: FirstDrive, assertion: Assertion) -> bool:
+    """Return whether the turn by which `drive` goes ends before the robot is at its goal for a further action."""
+    own = drive.gated and drive.job is not None and program.assertions[drive.job.assertion] is assertion
+    return own and not is_in_narrow(narrow_places(lab.arena), drive.goal.places[0])
+
+
+def _where(use: PassageUse) -> str:
+    if use.named is not None:
+        return f"the passage '{use.name}'"
+    (passage,) = use.narrow
+    ends = " and ".join(map(_at, passage.ends))
+    return f"the narrow passage between {ends}, {passage.width:.2f} m wide,"
+
+
+def _path(use: PassageUse) -> FilePath:
+    return ("arena",) if use.named is None else use.named.path
+
+
+def _told(event: str | None) -> str:
+    return "without a turn" if event is None else event.removesuffix("()")
+
+
+def _at(point: Point) -> str:
+    return f"[{point.x:.2f}, {point.y:.2f}]"
+
+
+def _robots(drives: Iterable[FirstDrive], event: str | None) -> str:
+    ids = sorted({drive.robot for drive in drives if drive.event == event})
+    shown = ", ".join(map(str, ids[:5]))
+    more = f" and {len(ids) - 5} more" if len(ids) > 5 else ""
+    return f"robot {shown}" if len(ids) == 1 else f"robots {shown}{more}"
