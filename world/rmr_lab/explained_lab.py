@@ -95,22 +95,30 @@ class ExplainedLab:
     lab: str
     side_by_side_m: float
     """Least width in which two robots pass each other."""
+    searched: bool
+    """Whether the floor was searched for narrow passages; False if it is too large for so small robots."""
     passages: tuple[ExplainedPassage, ...]
     zones: tuple[ExplainedZone, ...]
     turns: tuple[ExplainedTurn, ...]
     map: str
 
+    @property
+    def names_none(self) -> bool:
+        """Whether the lab file names no passage."""
+        return all(passage.key is None for passage in self.passages)
+
 
 def explain(file: str, lab: Lab, program: Program) -> ExplainedLab:
     """Explain a lab without errors."""
     uses = passage_uses(lab, program)
-    zones = narrow_places(lab.arena).zones
+    found = narrow_places(lab.arena)
     return ExplainedLab(
         file=file,
         lab=lab.name,
         side_by_side_m=side_by_side_m(lab.arena.shape.radius),
+        searched=found.searched,
         passages=tuple(_passage(lab, use) for use in uses),
-        zones=tuple(ExplainedZone(zone.name, zone.centre, zone.radius) for zone in zones),
+        zones=tuple(ExplainedZone(zone.name, zone.centre, zone.radius) for zone in found.zones),
         turns=tuple(_turn(lab, program, each) for each in program.assertions),
         map=_map(lab, uses),
     )
@@ -217,8 +225,12 @@ def _lines(explained: ExplainedLab) -> Iterator[str]:
     for index, passage in enumerate(explained.passages[:PASSAGES_SHOWN_MAX]):
         yield ""
         yield from _passage_lines(_sign(index), passage)
-    if not explained.passages:
+    if not explained.searched:
+        yield from ("", "  the floor is not searched: it is too large for robots so small")
+    elif not explained.passages:
         yield from ("", "  none: two robots can pass each other everywhere")
+    if explained.names_none and any(passage.drives for passage in explained.passages):
+        yield from ("", *_NAMING)
     left_out = len(explained.passages) - PASSAGES_SHOWN_MAX
     if left_out > 0:
         yield from ("", f"  ... and {left_out} more; --json has them all")
@@ -252,6 +264,11 @@ def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
         event = "no turn" if drive.event is None else drive.event.removesuffix("()")
         yield f"     {drive.robot:5}  {drive.enters_by:6}  {times}  {event}, {drive.goal}"
 
+
+_NAMING = (
+    "  Areas at the ends of a passage, named under bottleneck.mouths, make it the passage of the turns: robots of one",
+    "  direction then follow one another, and a turn is over behind it.",
+)
 
 _KINDS = {
     IN_TURNS: "yes, by turns of this passage",

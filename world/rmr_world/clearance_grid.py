@@ -20,12 +20,17 @@ TIE_M = 1e-9
 """An obstacle is nearer than another only by more than this, so that rounding does not decide between touching ones."""
 
 
+def cell_edge_m(arena: Arena) -> float:
+    """Return the greatest edge of the cells of an arena's grid, metres."""
+    return max(arena.shape.radius / CELLS_PER_RADIUS, math.sqrt(arena.width * arena.height / CELLS_MAX))
+
+
 class ClearanceGrid:
     """The clearance of an arena; arrays have the shape (rows, columns), row 0 is at y = 0."""
 
     def __init__(self, arena: Arena, reach_m: float) -> None:
         """Distances to obstacles are exact up to `reach_m`; beyond that they may be too large."""
-        cell = max(arena.shape.radius / CELLS_PER_RADIUS, math.sqrt(arena.width * arena.height / CELLS_MAX))
+        cell = cell_edge_m(arena)
         columns = max(1, math.ceil(arena.width / cell))
         rows = max(1, math.ceil(arena.height / cell))
         self.cell_x = arena.width / columns

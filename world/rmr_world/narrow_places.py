@@ -23,12 +23,14 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.node.motion.astar import DOOR_MARGIN_M
 from rmr.node.motion.grid import PATH_MARGIN_M
-from rmr_world.clearance_grid import ClearanceGrid, components
+from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
 CORE_RADII = 2.0
 """A wide place whose robots' centres have less room than this, in radii of a robot, is part of the narrow section."""
 LINE_STEP = 5
 """Cells from one point of a passage's centre line to the next."""
+CELLS_LEAST = 2.0
+"""Cells along a robot's radius below which the grid tells nothing."""
 FINER = 8
 """Steps within a cell in which the axis is looked for at the narrowest point."""
 
@@ -79,6 +81,8 @@ class NarrowPlaces:
 
     passages: tuple[NarrowPassage, ...] = ()
     zones: tuple[NarrowZone, ...] = ()
+    searched: bool = True
+    """False where the floor is too large to be searched for so small a robot."""
 
 
 def side_by_side_m(radius: float) -> float:
@@ -92,6 +96,9 @@ def side_by_side_m(radius: float) -> float:
 @lru_cache(maxsize=8)
 def narrow_places(arena: Arena) -> NarrowPlaces:
     """Return the passages and zones of the floor of `arena` for robots of its shape."""
+    radius = arena.shape.radius
+    if cell_edge_m(arena) * CELLS_LEAST > radius:
+        return NarrowPlaces(searched=False)
     return _Search(arena).found()
 
 

@@ -55,6 +55,22 @@ def test_a_floor_without_narrow_places_and_an_assertion_that_is_only_watched():
     assert "nothing: it is only watched" in result.stdout
 
 
+def test_a_floor_that_is_too_large_to_be_searched_is_told(tmp_path):
+    (tmp_path / "p.rmr").write_text("start(R).\n")
+    (tmp_path / "lab.yaml").write_text(
+        "lab: large\nprogram: p.rmr\narena: {size: [90, 90], cell: 0.2}\nrobots: [{id: 1, pose: [1, 1, 0deg]}]\n"
+    )
+    assert "the floor is not searched" in check("--explain", tmp_path).stdout
+
+
+def test_the_key_that_names_a_passage_is_told_where_the_lab_names_none(tmp_path):
+    for file in (ROOT / "deploy" / "labs" / "twoway").glob("*.*"):
+        text = file.read_text()
+        (tmp_path / file.name).write_text("".join(x for x in text.splitlines(True) if not x.startswith("bottleneck")))
+    assert "named under bottleneck.mouths" in check("--explain", tmp_path).stdout
+    assert "bottleneck.mouths" not in check("--explain", "twoway").stdout
+
+
 def test_the_text_has_a_map_of_at_most_100_columns():
     text = check("--explain", EXAMPLES / "aisles" / "through.yaml").stdout
     assert max(map(len, text.splitlines())) <= 120
