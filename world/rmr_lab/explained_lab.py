@@ -14,7 +14,7 @@ from rmr.bytecode.program import Assertion, Program
 from rmr_lab.text_map import text_map
 from rmr_world.lab import Lab
 from rmr_world.narrow_places import narrow_places, side_by_side_m
-from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, passage_uses, stretch
+from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, first_events, passage_uses, stretch
 
 SIGNS = "abcdefghijklmnpqrstuvwxyz"
 """Letters of passages on the map; further ones are marked by the last. Robots are `o`."""
@@ -171,7 +171,7 @@ def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
         why = "no action leads to its finish" if assertion.scheduled else "it is only watched"
         return ExplainedTurn(assertion.name, (), (), f"nothing: {why}", "", "")
     drives = [d for d in first_drives(lab, program) if d.job and program.assertions[d.job.assertion] is assertion]
-    events = tuple(dict.fromkeys(drive.event for drive in drives if drive.event is not None))
+    events = first_events(lab, program, program.assertions.index(assertion))
     action = f"the first {held[0]} begins" if len(held) == 1 else f"the first of {', '.join(held)} begins"
     whole = f"the last {'of them' if len(held) > 1 else held[0]} has ended, or the job"
     gated = sum(drive.gated for drive in drives)
@@ -286,7 +286,7 @@ def _turn_lines(turn: ExplainedTurn) -> Iterator[str]:
         yield f"     from    {turn.begins}"
         yield f"     to      {turn.ends}"
         events = ", ".join(event.removesuffix("()") for event in turn.events)
-        yield f"     events  {events or 'none begins with a drive at the start'}"
+        yield f"     events  {events or 'no job begins at the start'}"
 
 
 def _at(point: Point) -> str:

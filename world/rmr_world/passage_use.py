@@ -14,6 +14,7 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
 from rmr.node.motion.route import GATE_REACH_M, Route, leader_route
 from rmr.vm.job import TimedJob
+from rmr.vm.machine import Machine
 from rmr.vm.machine_events import ActionDerived
 from rmr_world.finding import FilePath
 from rmr_world.lab import Lab, RobotStart
@@ -104,13 +105,25 @@ def passage_uses(lab: Lab, program: Program) -> tuple[PassageUse, ...]:
     return tuple(uses)
 
 
-@lru_cache(maxsize=4)
 def first_drives(lab: Lab, program: Program) -> tuple[FirstDrive, ...]:
     """Return the first drive of each robot, at most one for a robot, for the first `ROBOTS_MAX` robots."""
-    if program.index(MOVETO) is None:
-        return ()
-    found = (_first_drive(lab, program, start) for start in lab.robots[:ROBOTS_MAX])
-    return tuple(drive for drive in found if drive is not None)
+    return tuple(drive for drive, _ in _first_instants(lab, program) if drive is not None)
+
+
+def first_events(lab: Lab, program: Program, assertion: int) -> tuple[str, ...]:
+    """Return the events of the jobs of an assertion that begin at the start, none twice."""
+    jobs = [job for _, of_robot in _first_instants(lab, program) for job in of_robot]
+    return tuple(dict.fromkeys(job.event for job in jobs if job.assertion == assertion))
+
+
+@lru_cache(maxsize=4)
+def _first_instants(lab: Lab, program: Program) -> tuple[tuple[FirstDrive | None, tuple[TimedJob, ...]], ...]:
+    """Return the first drive and the jobs of each robot after its first instant."""
+    found = []
+    for start in lab.robots[:ROBOTS_MAX]:
+        machine = machine_after_start(lab, program, start.id)
+        found.append((_first_drive(lab, program, start, machine), tuple(machine.jobs)))
+    return tuple(found)
 
 
 def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
@@ -118,8 +131,7 @@ def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
     return any(_holds(each, at) for each in found.passages)
 
 
-def _first_drive(lab: Lab, program: Program, start: RobotStart) -> FirstDrive | None:
-    machine = machine_after_start(lab, program, start.id)
+def _first_drive(lab: Lab, program: Program, start: RobotStart, machine: Machine) -> FirstDrive | None:
     moveto = program.index(MOVETO)
     for event in machine.drain():
         if not isinstance(event, ActionDerived) or event.predicate != moveto or event.executor != start.id:

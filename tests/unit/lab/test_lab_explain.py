@@ -36,7 +36,7 @@ def test_a_corridor_is_listed_with_its_ends_width_and_robots():
     assert {(drive["robot"], drive["due_s"]) for drive in passage["drives"]} >= {(1, 32.0), (6, 24.0)}
     assert all(drive["scheduled"] == "in turns" and drive["enters_by"] == 1 for drive in passage["drives"])
     (turn,) = lab["turns"]
-    assert turn["held"] == ["moveto"]
+    assert (turn["held"], turn["events"]) == (["moveto"], ["crossing(exit)"])
     assert turn["over"].startswith("the bottleneck")
 
 
