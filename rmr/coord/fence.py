@@ -7,8 +7,9 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and h
 
 * A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
   stalled just after entering). In the same direction its headway must have passed; in the opposite one it must have
-  said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution. Silence ends
-  nothing while the robot stands inside as far as the host knows: then nobody follows it in, either.
+  said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution, as long as the
+  record is kept. Silence ends nothing while the robot stands inside as far as the host knows: then nobody follows it
+  in, either.
 * Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until it has
   heard that.
 * Where more than one robot may be inside (a station with several places), those that are or may be inside, that are
@@ -156,7 +157,8 @@ class Fence:
                 elif not self.ended(beacon, now):
                     is_open = False
                 else:
-                    cautious = cautious or now < self.believed(beacon) + 2 * timing.liveness.gone
+                    # Silence is no OUT, however long it lasts: a robot may be stopped inside for longer still.
+                    cautious = True
             elif self._conflict(claim, beacon):
                 if (beacon.start, who) < (claim.start, claim.robot):
                     return Verdict(False, True, False)

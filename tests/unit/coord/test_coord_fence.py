@@ -61,6 +61,13 @@ def test_a_silent_opposed_robot_is_passed_with_caution_after_the_longest_stall()
     assert made.judge(ms(11_100), claim(11_000)) == (True, False, True)
 
 
+def test_caution_towards_a_silent_opposed_robot_lasts_until_it_is_heard_out() -> None:
+    made = fence(beacon(2, Phase.IN, 1100, direction=1))
+    assert made.judge(ms(71_100), claim(71_000)) == (True, False, True)
+    made.note(beacon(2, Phase.OUT, 71_200, direction=1))
+    assert made.judge(ms(71_300), claim(71_300)) == (True, False, False)
+
+
 def test_a_claim_past_its_window_counts_as_inside_until_it_yields() -> None:
     made = fence(beacon(2, Phase.CLAIM, 900, direction=1, start=1000, end=1500))
     assert not made.judge(ms(2500), claim(2500)).open
