@@ -101,6 +101,7 @@ class BarredDrive:
         """Since when they bar it."""
         self._barred_at: Instant = 0
         self._look_at: Instant = 0
+        """When to look next."""
 
     @property
     def due(self) -> bool:
@@ -114,6 +115,9 @@ class BarredDrive:
             return
         node = self._node
         now = node.now
+        if self._since is not None and now - self._look_at > FREE_AFTER:
+            # The robot itself was stopped. It heard nobody meanwhile, so this time says nothing of the others.
+            self._since += now - self._look_at
         self._look_at = now + LOOK_EVERY
         node.blocked = node.barred_by_lost(self._goal)
         if not node.blocked:
