@@ -142,6 +142,7 @@ class Driver:
         twist = STILL
         self.held_by = ""
         if self._may_move(now):
+            navigator.control.sigma_m = self.localiser.sigma_m
             twist = navigator.step(now, pose, self._bodies, self._bumped)
             unwatched = now - max(self._sensed_at, self._set_out_at)
             if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):

@@ -17,6 +17,7 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.shield import Shield
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
@@ -37,7 +38,7 @@ SILENCED: Final = "silence"
 class SpeedControl:
     """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
 
-    __slots__ = ("_memory", "_seen", "_switches", "arena", "hearing", "law", "scene")
+    __slots__ = ("_memory", "_seen", "_shield", "_switches", "arena", "hearing", "law", "scene", "sigma_m")
 
     def __init__(self, arena: Arena, robots: int, switches: RuleSwitches) -> None:
         """`robots` is the size of the roster; `switches` says which rules are in force."""
@@ -48,6 +49,9 @@ class SpeedControl:
         self._memory = BodyMemory(arena.shape, remembers=not switches.off("memory"))
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
+        self._shield = Shield(arena.shape.radius, arena.shape.speed)
+        self.sigma_m = 0.0
+        """Standard deviation of the estimated position, metres."""
         self.hearing = Hearing(arena.shape, robots)
         for flag, rule in SILENCE_RULES:
             if switches.off(rule):
@@ -78,7 +82,7 @@ class SpeedControl:
         return self.law.cap(around)
 
     def slowed(self, twist: Twist) -> Twist:
-        """Return `twist`, slowed as the bodies around demand."""
+        """Return `twist`, slowed as the bodies around and the shield demand."""
         if twist.v <= 0.0:
             return twist
         if self.hearing.by_sight and abs(twist.w) * SIGHT_RADIUS_M > twist.v and not self._switches.off("sight"):
@@ -93,7 +97,7 @@ class SpeedControl:
         around.ranked = UNRANKED
         if not self._switches.off("order"):
             around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
-        return self.law.slowed(around, twist)
+        return self._shielded(self.law.slowed(around, twist))
 
     def by_hand(self, twist: Twist) -> Twist:
         """Return the command of an action that drives by itself: the speed law still has the last word."""
@@ -126,10 +130,35 @@ class SpeedControl:
         if free and not self._switches.off("cooperation"):
             free = not self.hearing.may_reach(around.now, pose, REVERSE_POLL_M, 2.0 * radius + REVERSE_GAP_M)
         if free:
-            return Twist(-REVERSE_MPS, 0.0)
+            return self._shielded(Twist(-REVERSE_MPS, 0.0))
         self._switches.count("reverse_guard")
         self.law.limited_by = "reverse_guard"
         return STILL
+
+    def _shielded(self, twist: Twist) -> Twist:
+        """Return `twist`, so slow that the robot stands before each wall and each parked robot, as far as it knows."""
+        if twist.v == 0.0 or self._switches.off("shield"):
+            return twist
+        pose = self.scene.pose
+        shield = self._shield
+        share = shield.within(twist, pose, self.arena, self.sigma_m)
+        parked = [other for other in self.hearing.fresh if other.parked]
+        if parked:
+            cos = math.cos(pose.theta)
+            sin = math.sin(pose.theta)
+            # The others locate themselves by the same beacons: their estimates are taken to be as good as the own.
+            sigma = math.sqrt(2.0) * self.sigma_m
+            discs = []
+            for other in parked:
+                dx = other.x - pose.x
+                dy = other.y - pose.y
+                discs.append(shield.parked(dx * cos + dy * sin, dy * cos - dx * sin, sigma))
+            share = min(share, shield.past(twist, discs))
+        if share >= 1.0:
+            return twist
+        self._switches.count("shield")
+        self.law.limited_by = "shield"
+        return Twist(share * twist.v, share * twist.w)
 
     def others(self, standing: Iterable[Point]) -> list[Point]:
         """Return where bodies are now, on the floor: those seen, and those heard to be `standing`."""

@@ -151,6 +151,15 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "navigator.py",
     ),
     Hazard(
+        "shield",
+        HazardStage.WHEELS,
+        "a parked robot or a wall that is nearer than estimated",
+        "the command is slowed along its arc, so that the robot [can always stand](safety.md#the-shield) three "
+        "standard deviations of its estimate short of each wall and each parked robot that it has heard; nearer than "
+        "that it only drives away",
+        "shield.py",
+    ),
+    Hazard(
         "promise",
         HazardStage.WHEELS,
         "lost hellos of robots that stand in a crowd",

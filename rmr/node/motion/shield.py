@@ -1,0 +1,161 @@
+"""The shield: of a wheel command, the greatest share from which the robot can brake before any place that may be taken.
+
+Pure: what it is given are the command, the own pose, the walls, and for each other robot the disc where it may be. The
+invariant and its proof are in docs/safety.md. It has no aims of its own and gives no other command than the one that it
+is asked about, slower along the same arc.
+
+A robot that is nearer than the margin already, since an estimate has jumped, may only lead away from what stands there:
+at more than `SLOPE`, for the error of the estimates turns the direction in which the other one is.
+"""
+
+import math
+from typing import Final, final
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Pose, Twist, hypot
+from rmr.base.time import Duration, in_seconds
+
+SIGMAS: Final = 3.0
+"""The margin between two hulls, or a hull and a wall, in standard deviations of their distance."""
+BRAKE: Final = 0.8
+"""Deceleration of the wheels, m/s^2."""
+LAG_S: Final = 0.117
+"""Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
+SLOPE: Final = 0.1
+"""How much the true way may be off the estimated one, as a share of it: 0.03 of the heading, and 1 cm of the place,
+seen from 14 cm. A way that passes something must lead away from it by that much."""
+STEP_M: Final = 0.002
+"""Least step along a way. Between two points that are farther than D from another one, the way is nearer by at most
+STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
+
+
+@final
+class TakenDisc:
+    """Where the hull of another robot may be until this robot stands. It is never changed."""
+
+    __slots__ = ("keep", "stands", "x", "y")
+
+    def __init__(self, x: float, y: float, keep: float, *, stands: bool) -> None:
+        self.x: Final = x
+        """Where its centre was, in the robot's frame, metres."""
+        self.y: Final = y
+        self.keep: Final = keep
+        """Least distance between this place and the own centre, metres."""
+        self.stands: Final = stands
+        """It does not move before this robot stands."""
+
+
+class Shield:
+    """The shield of robots of one shape."""
+
+    __slots__ = ("_brake", "_lag_s", "_speed", "_stop_s", "_touch")
+
+    def __init__(self, radius: float, speed: float, lag_s: float = LAG_S, brake: float = BRAKE) -> None:
+        """`radius` of a hull, metres; greatest `speed`, m/s."""
+        self._touch: Final = 2.0 * radius
+        self._speed: Final = speed
+        self._lag_s: Final = lag_s
+        self._brake: Final = brake
+        self._stop_s: Final = lag_s + speed / brake
+
+    def taken(self, x: float, y: float, sigma_m: float, unknown: Duration) -> TakenDisc:
+        """Return the disc of a robot that was heard at (x, y) in the own frame, metres.
+
+        `sigma_m`: standard deviation of the distance to it. `unknown`: how long it may have been driving, that is the
+        time since its last report or since the end of its promise to stay; negative before that.
+        """
+        drives = max(0.0, in_seconds(unknown) + self._stop_s)
+        return TakenDisc(x, y, self._touch + SIGMAS * sigma_m + self._speed * drives, stands=drives == 0.0)
+
+    def parked(self, x: float, y: float, sigma_m: float) -> TakenDisc:
+        """Return the disc of a robot that stays at (x, y) in the own frame, metres."""
+        return TakenDisc(x, y, self._touch + SIGMAS * sigma_m, stands=True)
+
+    def past(self, twist: Twist, others: list[TakenDisc]) -> float:
+        """Return the greatest share of `twist` from which the robot stands before each of `others`; 0 to 1."""
+        speed = abs(twist.v)
+        if speed == 0.0 or not others:
+            return 1.0
+        way = self._way(speed)
+        free = way
+        for other in others:
+            free = _way_past(twist, other, free)
+        return 1.0 if free >= way else self._speed_on(free) / speed
+
+    def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float) -> float:
+        """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.
+
+        `sigma_m`: standard deviation of the own position.
+        """
+        speed = abs(twist.v)
+        if speed == 0.0:
+            return 1.0
+        way = self._way(speed)
+        free = _way_within(twist, pose, arena, 0.5 * self._touch + SIGMAS * sigma_m, way)
+        return 1.0 if free >= way else self._speed_on(free) / speed
+
+    def _way(self, speed: float) -> float:
+        """Return how far a robot moves on until it stands, metres."""
+        return speed * self._lag_s + speed * speed / (2.0 * self._brake)
+
+    def _speed_on(self, way: float) -> float:
+        """Return the speed from which a robot stands after `way`, m/s: the inverse of `_way`."""
+        brake = self._brake
+        return brake * (math.sqrt(self._lag_s * self._lag_s + 2.0 * way / brake) - self._lag_s)
+
+
+def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
+    """Return how much of `way`, metres along the arc of `twist`, keeps clear of `other`."""
+    away = hypot(other.x, other.y)
+    keep = other.keep
+    if away - keep >= way * (1.0 + SLOPE):
+        return way
+    if away < keep and not other.stands:
+        return 0.0
+    floor = min(keep, away)
+    forward = 1.0 if twist.v > 0.0 else -1.0
+    bend = twist.w / abs(twist.v)
+    s = 0.0
+    room = away - floor
+    while s < way:
+        ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
+        x = forward * _along(bend, ahead)
+        y = forward * _aside(bend, ahead)
+        room = hypot(other.x - x, other.y - y) - floor - SLOPE * ahead
+        if room < 0.0:
+            return s
+        s = ahead
+    return way
+
+
+def _way_within(twist: Twist, pose: Pose, arena: Arena, keep: float, way: float) -> float:
+    """Return how much of `way`, metres along the arc of `twist` from `pose`, keeps the centre `keep` off each wall."""
+    away = arena.clearance(pose.x, pose.y)
+    if away - keep >= way * (1.0 + SLOPE):
+        return way
+    floor = min(keep, away)
+    forward = 1.0 if twist.v > 0.0 else -1.0
+    bend = twist.w / abs(twist.v)
+    cos = forward * math.cos(pose.theta)
+    sin = forward * math.sin(pose.theta)
+    s = 0.0
+    room = away - floor
+    while s < way:
+        ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
+        x = _along(bend, ahead)
+        y = _aside(bend, ahead)
+        room = arena.clearance(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos) - floor - SLOPE * ahead
+        if room < 0.0:
+            return s
+        s = ahead
+    return way
+
+
+def _along(bend: float, s: float) -> float:
+    """Return the coordinate ahead, metres, after `s` on an arc of the curvature `bend`, 1/m."""
+    return s if abs(bend * s) < 1e-6 else math.sin(bend * s) / bend
+
+
+def _aside(bend: float, s: float) -> float:
+    """Return the coordinate to the left, metres, after `s` on an arc of the curvature `bend`, 1/m."""
+    return 0.5 * bend * s * s if abs(bend * s) < 1e-6 else (1.0 - math.cos(bend * s)) / bend
