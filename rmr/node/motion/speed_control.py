@@ -81,8 +81,8 @@ class SpeedControl:
         around.parked = parked
         return self.law.cap(around)
 
-    def slowed(self, twist: Twist) -> Twist:
-        """Return `twist`, slowed as the bodies around and the shield demand."""
+    def slowed(self, twist: Twist, *, walls: bool = True) -> Twist:
+        """Return `twist`, slowed as the bodies around and the shield demand; without `walls` it may touch those."""
         if twist.v <= 0.0:
             return twist
         if self.hearing.by_sight and abs(twist.w) * SIGHT_RADIUS_M > twist.v and not self._switches.off("sight"):
@@ -97,13 +97,16 @@ class SpeedControl:
         around.ranked = UNRANKED
         if not self._switches.off("order"):
             around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
-        return self._shielded(self.law.slowed(around, twist))
+        return self._shielded(self.law.slowed(around, twist), walls=walls)
 
     def by_hand(self, twist: Twist) -> Twist:
-        """Return the command of an action that drives by itself: the speed law still has the last word."""
+        """Return the command of an action that drives by itself: the speed law still has the last word.
+
+        Walls are the action's affair: it may want to touch one, as to dock or to feel its way.
+        """
         self.law.limited_by = ""
         if not self.silenced():
-            return self.slowed(twist)
+            return self.slowed(twist, walls=False)
         self.law.limited_by = SILENCED
         return Twist(0.0, twist.w)
 
@@ -135,14 +138,15 @@ class SpeedControl:
         self.law.limited_by = "reverse_guard"
         return STILL
 
-    def _shielded(self, twist: Twist) -> Twist:
-        """Return `twist`, so slow that the robot stands before each wall and each parked robot, as far as it knows."""
+    def _shielded(self, twist: Twist, *, walls: bool = True) -> Twist:
+        """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
         if twist.v == 0.0 or self._switches.off("shield"):
             return twist
         pose = self.scene.pose
         shield = self._shield
-        share = shield.within(twist, pose, self.arena, self.sigma_m)
-        parked = [other for other in self.hearing.fresh if other.parked]
+        share = shield.within(twist, pose, self.arena, self.sigma_m) if walls else 1.0
+        # A robot under way that stands may set out again; where it stands is what is known of it.
+        parked = [other for other in self.hearing.fresh if other.parked or (other.vx == 0.0 and other.vy == 0.0)]
         if parked:
             cos = math.cos(pose.theta)
             sin = math.sin(pose.theta)
