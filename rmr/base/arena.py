@@ -92,6 +92,38 @@ class Area:
     """Waiting points for `lineup`, the K-th robot's at index K - 1; as many as fit on the path of the queue."""
 
 
+BOTTLENECK: Final = "bottleneck"
+"""Name of the passage of the lab file's key `bottleneck`."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPassage:
+    """A narrow section of the floor that robots pass in turns."""
+
+    name: str
+    entrances: tuple[Area, ...]
+    """The areas at its ends: one, or two if robots enter at both."""
+    mouths: tuple[Point, ...] = field(init=False, compare=False, repr=False)
+    """The point of each entrance; with two, the entrance of direction 0 and that of direction 1."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mouths", tuple(area.places[0] for area in self.entrances))
+
+    @property
+    def by_event(self) -> bool:
+        """Whether its turns are those of the robots' events: jobs of different events do not exclude each other."""
+        return self.name == BOTTLENECK
+
+    @property
+    def two_ended(self) -> bool:
+        """Whether robots enter at both ends."""
+        return len(self.entrances) == 2
+
+    def mouth(self, way: int) -> Point:
+        """Return the entrance for direction `way`."""
+        return self.mouths[way % len(self.mouths)]
+
+
 @dataclass(frozen=True, slots=True)
 class RobotShape:
     """The body, drive and field of view, equal for all robots of a lab."""
@@ -120,8 +152,8 @@ class Arena:
     areas: tuple[Area, ...] = ()
     beacons: tuple[Point, ...] = ()
     """Ultrasonic beacons of the localisation service."""
-    bottleneck: tuple[str, ...] = ()
-    """Names of the areas at the entrances of the bottleneck: one, or two if robots enter at both ends."""
+    passages: tuple[FloorPassage, ...] = ()
+    """The passages that robots pass in turns, none twice by name."""
     stations: tuple[tuple[str, int], ...] = ()
     """Areas that robots hold from before they drive in until they have left, with how many may be there at a time."""
     shape: RobotShape = RobotShape()
@@ -136,7 +168,7 @@ class Arena:
             self.obstacles,
             self.areas,
             self.beacons,
-            self.bottleneck,
+            self.passages,
             self.stations,
         )
         object.__setattr__(self, "_hash", (parts, self.shape).__hash__())
@@ -152,16 +184,14 @@ class Arena:
         """Return how many robots may be in the station `name` at a time; 0 if the area is no station."""
         return next((capacity for station, capacity in self.stations if station == name), 0)
 
-    @property
-    def mouths(self) -> tuple[Point, ...]:
-        """The entrances of the bottleneck: none, one, or two, one for each direction."""
-        areas = (self.area(name) for name in self.bottleneck)
-        return tuple(area.places[0] for area in areas if area is not None)
+    def passage(self, name: str | None) -> FloorPassage | None:
+        """Return the passage called `name`, or None."""
+        return next((passage for passage in self.passages if passage.name == name), None)
 
-    def mouth(self, way: int) -> Point | None:
-        """Return the entrance of the bottleneck for direction `way`; None without a bottleneck."""
-        mouths = self.mouths
-        return mouths[way % len(mouths)] if mouths else None
+    @property
+    def has_shared_passages(self) -> bool:
+        """Whether there are passages whose turns are those of all robots, whatever their events."""
+        return any(not passage.by_event for passage in self.passages)
 
     def clearance(self, x: float, y: float) -> float:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
@@ -216,7 +246,7 @@ def to_data(arena: Arena) -> dict[str, Any]:
             for a in arena.areas
         ],
         "beacons": [list(b) for b in arena.beacons],
-        "bottleneck": list(arena.bottleneck),
+        "passages": [[passage.name, [area.name for area in passage.entrances]] for passage in arena.passages],
         "stations": [[name, capacity] for name, capacity in arena.stations],
         "shape": {
             "radius": arena.shape.radius,
@@ -230,6 +260,16 @@ def to_data(arena: Arena) -> dict[str, Any]:
 
 def from_data(data: dict[str, Any]) -> Arena:
     """Return the arena of `to_data`'s form. Raises KeyError or TypeError for any other data."""
+    areas = tuple(
+        Area(
+            a["name"],
+            tuple(Point(*p) for p in a["places"]),
+            None if a["box"] is None else (a["box"][0], a["box"][1], a["box"][2], a["box"][3]),
+            a["slotted"],
+            tuple(Point(*p) for p in a["queue"]),
+        )
+        for a in data["areas"]
+    )
     return Arena(
         width=data["width"],
         height=data["height"],
@@ -238,20 +278,20 @@ def from_data(data: dict[str, Any]) -> Arena:
             Disc(Point(*o["centre"]), o["radius"]) if "radius" in o else Polygon(tuple(Point(*c) for c in o["corners"]))
             for o in data["obstacles"]
         ),
-        areas=tuple(
-            Area(
-                a["name"],
-                tuple(Point(*p) for p in a["places"]),
-                None if a["box"] is None else (a["box"][0], a["box"][1], a["box"][2], a["box"][3]),
-                a["slotted"],
-                tuple(Point(*p) for p in a["queue"]),
-            )
-            for a in data["areas"]
-        ),
+        areas=areas,
         beacons=tuple(Point(*b) for b in data["beacons"]),
-        bottleneck=tuple(data["bottleneck"]),
+        passages=_passages(data, {area.name: area for area in areas}),
         stations=tuple(
             (name, capacity) for name, capacity in data.get("stations", ())
         ),  # recordings of before have none
         shape=RobotShape(**data["shape"]),
     )
+
+
+def _passages(data: dict[str, Any], areas: dict[str, Area]) -> tuple[FloorPassage, ...]:
+    """Return the passages of `data`; recordings of before have one at most, by its entrances. Raises KeyError."""
+    if "passages" not in data:
+        named = [[BOTTLENECK, data["bottleneck"]]] if data["bottleneck"] else []
+    else:
+        named = data["passages"]
+    return tuple(FloorPassage(name, tuple(areas[each] for each in entrances)) for name, entrances in named)

@@ -64,8 +64,10 @@ def _check_floor(floor: Arena) -> None:
     for point in points:
         _within(point.x, -FLOOR_M_MAX, 2 * FLOOR_M_MAX)
         _within(point.y, -FLOOR_M_MAX, 2 * FLOOR_M_MAX)
-    if len(floor.bottleneck) > 2 or any(floor.area(name(each)) is None for each in floor.bottleneck):
-        raise MalformedError("expected a bottleneck between areas")
+    for passage in floor.passages:
+        name(passage.name)
+        if not 1 <= len(passage.entrances) <= 2:
+            raise MalformedError("expected a passage with one entrance or two")
 
 
 def _check_shape(shape: RobotShape) -> None:

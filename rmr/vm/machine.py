@@ -286,6 +286,10 @@ class Machine(Parts):
         """Return the scheduled jobs without finish that this action of the robot serves, first due first."""
         return [] if self._any_jobs is None else self._any_jobs.serving(predicate, args)
 
+    def steps_after(self, serial: int) -> Chain:
+        """Return the later steps of the chain (``then``) in which an action under way is a step."""
+        return () if self._any_actions is None else self._any_actions.steps_after(serial)
+
     def held(self, predicate: int) -> list[Args]:
         """Return the arguments of the facts of `predicate` that hold, oldest first."""
         return list(self.each(predicate))

@@ -73,6 +73,10 @@ class UnderWay:
         del self._actions[serial]
         return Awaited(action, self._chains.pop(serial, ()))
 
+    def steps_after(self, serial: int) -> Chain:
+        """Return the later steps of the chain in which an action is a step."""
+        return self._chains.get(serial, ())
+
     def awaited(self, serial: int) -> ActionDerived | None:
         """Return the action of a serial number; None if its end is not awaited."""
         return self._actions.get(serial)

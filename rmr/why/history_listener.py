@@ -183,7 +183,7 @@ class HistoryListener:
             elif entry["what"] in ("left", "slot_lost"):
                 self._leave(entry["event"], now)
             elif entry["what"] == "asks" and node.crossings.current is not None:
-                self._leave(node.crossings.current.job.event, now)
+                self._leave(node.crossings.current.told, now)
             elif entry["what"] == "sent":
                 self._name_sent(entry)
         if entries:
@@ -302,7 +302,8 @@ class HistoryListener:
             case Spoken():
                 self._spoken(now, event)
             case ScheduleChanged(group_id=group_id, leader=leader, order=order):
-                group = self._groups.get(group_id, group_id.hex())
+                name = node.crossings.name_of(group_id)
+                group = self._groups.get(group_id, group_id.hex() if name is None else str(name))
                 self.history.orders.append(KnownOrder(now, group, leader, order))
 
     def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:

@@ -90,7 +90,10 @@ def asked_task(simulation: Simulation, asked: dict[str, Any], deadline_s: float,
     robot = asked["robot"]
     driver = simulation.robots[0].node.driver
     assert driver is not None
-    headway = up(driver.approach.headway(destinations(simulation.lab)[robot], asked["way"]), 20 * MS)
+    headway = up(
+        driver.approach.headway(destinations(simulation.lab)[robot], simulation.lab.arena.passages[0], asked["way"]),
+        20 * MS,
+    )
     release = up(seconds(max(asked["t"], since_s) + asked["approach_s"]), 10 * MS)
     out = seconds(deadline_s - asked["after_s"]) // MS * MS
     return Task(robot, release, up(seconds(asked["inside_s"]), 10 * MS), out, headway, asked["way"])

@@ -64,7 +64,7 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
             asked.setdefault(entry["robot"], entry)
     trips = []
     for robot, entry in sorted(asked.items()):
-        ways = departures(arena, goals[robot].name, entry["way"])
+        ways = departures(arena, arena.passages[0].mouth(entry["way"]), goals[robot].name)
         tails = tuple(entry["after_s"] + (direction - ways[0]) / arena.shape.speed for direction in ways)
         (job,) = report["robots"][str(robot)]["assertions"]
         release = entry["t"] + entry["approach_s"]

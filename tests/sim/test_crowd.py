@@ -69,6 +69,8 @@ def test_a_crowd_follows_as_closely_as_hulls_may_and_others_finish_in_the_order_
     arena = load_lab(HALL).arena
     area = arena.area("exit")
     assert area is not None
-    few, many = (Approach(Navigator(arena, 1), in_order).headway(area, 0) for in_order in (True, False))
+    few, many = (
+        Approach(Navigator(arena, 1), in_order).headway(area, arena.passages[0], 0) for in_order in (True, False)
+    )
     assert many == seconds((2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed)
     assert few > 1.4 * many

@@ -171,7 +171,7 @@ type there(robot).
 goes(R, A) -o moveto(R, A).
 at(R, A) -o there(R).
 """
-PLANTED = frozenset({"silence", "overdue", "danger", "stopping", "arc"})
+PLANTED = frozenset({"silence", "overdue", "danger", "stopping", "arc", "shield"})
 """Rules of motion without which a robot does not brake for what it sees, nor for one that it does not hear."""
 
 

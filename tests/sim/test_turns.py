@@ -161,7 +161,7 @@ def test_what_is_kept_of_actions_and_events_is_bounded(tmp_path):
     simulation.run()
     node = simulation.robots[0].node
     assert len(node.machine.jobs) > 32
-    assert len(node.crossings._crossings) <= 32
+    assert len(list(node.crossings._table)) <= 32
 
 
 WAITING_STATION = """

@@ -4,10 +4,11 @@ An explanation is data (dataclasses that become JSON as they are); `show` render
 which robots begin (`rmr_world.passage_use`), with times at full speed and without other robots.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+from rmr.base.arena import BOTTLENECK
 from rmr.base.geometry import Point
 from rmr.base.time import in_seconds
 from rmr.bytecode.program import Assertion, Program
@@ -139,7 +140,7 @@ def _passage(lab: Lab, use: PassageUse) -> ExplainedPassage:
 
 
 def _drive(lab: Lab, use: PassageUse, drive: FirstDrive) -> ExplainedDrive | None:
-    within = stretch(drive.route, use)
+    within = stretch(lab.arena, drive, use)
     if within is None:
         return None
     entrance = drive.route.point(within[0])
@@ -158,11 +159,11 @@ def _drive(lab: Lab, use: PassageUse, drive: FirstDrive) -> ExplainedDrive | Non
 
 
 def _scheduled(use: PassageUse, drive: FirstDrive) -> str:
-    if drive.job is None:
+    if use.named is not None and drive.needs_turn(use.named) and drive.route.gate_m is not None:
+        return IN_TURNS
+    if drive.job is None or drive.gated:
         return WITHOUT_TURN
-    if not drive.gated:
-        return WHOLE_DRIVE
-    return IN_TURNS if use.named is not None else WITHOUT_TURN
+    return WHOLE_DRIVE
 
 
 def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
@@ -176,20 +177,29 @@ def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
     whole = f"the last {'of them' if len(held) > 1 else held[0]} has ended, or the job"
     gated = sum(drive.gated for drive in drives)
     if drives and gated == len(drives):
-        over = "the bottleneck: one direction at a time, robots of one direction one behind the other"
+        over = f"{_passages_of(drives)}: one direction at a time, robots of one direction one behind the other"
         return ExplainedTurn(
             assertion.name, held, events, over,
             "the robot is at its entrance (it sets out before, to be there in time)",
             "its hull is out of the narrow section",
         )  # fmt: skip
-    if not gated and (drives or not lab.arena.bottleneck):
+    if not gated and (drives or not lab.arena.passages):
         over = "all of the held actions: one robot of the event at a time"
         return ExplainedTurn(assertion.name, held, events, over, action, whole)
-    over = "the bottleneck for drives that pass it, else all of the held actions, one robot of the event at a time"
+    shared = lab.arena.has_shared_passages
+    what = "the passages for drives that pass one" if shared else "the bottleneck for drives that pass it"
+    over = f"{what}, else all of the held actions, one robot of the event at a time"
     begins = f"the robot is at the entrance, else {action}"
     return ExplainedTurn(
         assertion.name, held, events, over, begins, f"its hull is out of the narrow section, else {whole}"
     )
+
+
+def _passages_of(drives: Iterable[FirstDrive]) -> str:
+    names = sorted({str(drive.route.passage) for drive in drives})
+    if names == [BOTTLENECK]:
+        return "the bottleneck"
+    return f"passage {' and '.join(names)}, with the robots of all events"
 
 
 def _map(lab: Lab, uses: tuple[PassageUse, ...]) -> str:
@@ -261,7 +271,8 @@ def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
     for drive in passage.drives:
         due = "" if drive.due_s is None else f"{drive.due_s:.1f}"
         times = f"{drive.enters_s:10.1f}  {drive.leaves_s:10.1f}  {due:>7}"
-        event = "no turn" if drive.event is None else drive.event.removesuffix("()")
+        none = "no event" if drive.scheduled == IN_TURNS else "no turn"
+        event = none if drive.event is None else drive.event.removesuffix("()")
         yield f"     {drive.robot:5}  {drive.enters_by:6}  {times}  {event}, {drive.goal}"
 
 

@@ -1,6 +1,6 @@
 """Drawing of a lab as an SVG: the floor before a run.
 
-The layers are obstacles, areas with their slots, boxes and queues, beacons, narrow passages, the bottleneck, the robots
+The layers are obstacles, areas with their slots, boxes and queues, beacons, narrow passages, named passages, the robots
 with their headings and fields of view, and the route of each robot to its destination, from the robots' own planner.
 Metres are scaled to pixels; y points up.
 """
@@ -12,7 +12,7 @@ from html import escape
 from rmr.base.arena import Area, Arena, Disc
 from rmr.base.geometry import Point
 from rmr.node.driver import spots
-from rmr.node.motion.route import leader_route
+from rmr.node.motion.keep_right import gated_route
 from rmr_world.bound import bound_s
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.narrow_places import NarrowPassage
@@ -70,7 +70,7 @@ class _Picture:
             *self._obstacles(),
             *self._areas(),
             *self._found(),
-            *self._bottleneck(),
+            *self._named(),
             *self._routes(),
         ]
         parts += [*self._beacons(), *self._robots(), *self._labels()]
@@ -145,12 +145,12 @@ class _Picture:
                 yield self._circle("queue", place, radius)
                 yield self._text("small", place, str(number), -4)
 
-    def _bottleneck(self) -> Iterator[str]:
-        mouths = self._arena.mouths
-        for mouth in mouths:
-            yield self._circle("mouth", mouth, self._arena.shape.radius)
-        if len(mouths) == 2:
-            yield self._line("passage", *mouths)
+    def _named(self) -> Iterator[str]:
+        for passage in self._arena.passages:
+            for mouth in passage.mouths:
+                yield self._circle("mouth", mouth, self._arena.shape.radius)
+            if passage.two_ended:
+                yield self._line("passage", *passage.mouths)
 
     def _found(self) -> Iterator[str]:
         for passage in self._passages:
@@ -168,7 +168,7 @@ class _Picture:
             places = spots(self._arena, goal)
             number = taken[goal.name] = taken.get(goal.name, -1) + 1
             place = places[number % len(places)]
-            route = leader_route(self._arena, Point(robot.pose.x, robot.pose.y), place, (), through_gate=True)
+            route = gated_route(self._arena, Point(robot.pose.x, robot.pose.y), place, ())
             if route is not None:
                 yield f'<polyline class="way" points="{self._points(route.points)}"/>'
 
@@ -206,7 +206,7 @@ class _Picture:
         radius = self._arena.shape.radius
         for robot in self._lab.robots:
             yield self._text("id", Point(robot.pose.x, robot.pose.y), str(robot.id), radius * self._scale + 4)
-        bottleneck = self._arena.bottleneck
+        ends = {area.name: passage.name for passage in self._arena.passages for area in passage.entrances}
         for area in self._arena.areas:
             top = max(place.y for place in area.places) + radius
             left = min(place.x for place in area.places) - radius
@@ -215,7 +215,7 @@ class _Picture:
                 top = area.box[3]
             capacity = self._arena.capacity(area.name)
             station = f" (station, {capacity})" if capacity else ""
-            role = " (bottleneck)" if area.name in bottleneck else station
+            role = f" ({ends[area.name]})" if area.name in ends else station
             yield self._text("name", Point(left, min(top, self._arena.height)), area.name + role, 5)
 
 

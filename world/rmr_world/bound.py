@@ -4,7 +4,7 @@ No schedule is faster. The bound is the larger of two figures:
 
 - the longest free-flow trip, with the slots of a destination assigned to its robots so that the longest trip is as
   short as possible (bottleneck assignment problem);
-- if the lab names a bottleneck: shortest approach + (n - 1) x 2 radius / speed + shortest departure, for robots pass
+- if the lab names one passage: shortest approach + (n - 1) x 2 radius / speed + shortest departure, for robots pass
   an entrance one behind the other without overlap. If robots come from both sides, the passage from entrance to
   entrance is added for each change of direction, of which there is at least one.
 
@@ -111,7 +111,8 @@ def free_times(lab: Lab) -> FreeTimes:
     flow = FreeFlow(lab.arena)
     goals = destinations(lab)
     speed = arena.shape.speed
-    necks = [approachable(area) for name in arena.bottleneck if (area := arena.area(name)) is not None]
+    # With several passages robots need not all pass the same one: their trips alone are the bound.
+    necks = [approachable(area) for area in arena.passages[0].entrances] if len(arena.passages) == 1 else []
     across = min(flow.lengths(necks[0][0], necks[1])) if len(necks) == 2 else 0.0
     kinds = [(goals.get(start.id), start) for start in lab.robots]
     order = {area: index for index, area in enumerate(dict.fromkeys(area for area, _ in kinds))}

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import BOTTLENECK, Area, Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
-from rmr.node.motion.route import GATE_REACH_M, Route, leader_route
+from rmr.node.motion.keep_right import gated_route
+from rmr.node.motion.route import GATE_REACH_M, Route, make_route
 from rmr.vm.job import TimedJob
 from rmr.vm.machine import Machine
 from rmr.vm.machine_events import ActionDerived
@@ -37,6 +38,8 @@ class NamedPassage:
     areas: tuple[str, ...]
     """The areas at its entrances."""
     entrances: tuple[Point, ...]
+    by_event: bool
+    """Whether its turns exclude jobs of one event only, and not all that drive through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +59,12 @@ class FirstDrive:
 
     @property
     def gated(self) -> bool:
-        """Whether its turn is a passage of a named bottleneck, and not the whole drive."""
+        """Whether its turn is a passage that the lab names, and not the whole drive."""
         return self.job is not None and self.route.gate_m is not None
+
+    def needs_turn(self, passage: NamedPassage) -> bool:
+        """Return whether it goes by turns at a passage that the lab names."""
+        return self.job is not None or not passage.by_event
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +85,27 @@ class PassageUse:
         return tuple(dict.fromkeys(drive.event for drive in self.drives))
 
 
+def passages_on(arena: Arena, route: Route) -> dict[str, Route]:
+    """Return the named passages on a route in order, each with the route that has its gate there."""
+    found: dict[str, Route] = {}
+    while route.passage is not None and route.passage not in found:
+        found[route.passage] = route
+        route = make_route(arena, route.points, through_gate=True, behind=frozenset(found))
+    return found
+
+
 def named_passages(arena: Arena) -> tuple[NamedPassage, ...]:
     """Return the passages that the lab file names: the only place that knows by which keys."""
-    if not arena.bottleneck:
-        return ()
-    return (NamedPassage("bottleneck", ("bottleneck",), arena.bottleneck, arena.mouths),)
+    return tuple(
+        NamedPassage(
+            passage.name,
+            (BOTTLENECK,) if passage.by_event else ("passages", passage.name),
+            tuple(area.name for area in passage.entrances),
+            passage.mouths,
+            by_event=passage.by_event,
+        )
+        for passage in arena.passages
+    )
 
 
 @lru_cache(maxsize=4)
@@ -97,7 +120,8 @@ def passage_uses(lab: Lab, program: Program) -> tuple[PassageUse, ...]:
         own = tuple(each for each in left if _belongs(each, named))
         left = [each for each in left if each not in own]
         ends = named.entrances if len(named.entrances) > 1 or not own else own[0].ends
-        passing = tuple(d for d in drives if d.route.gate_m is not None or any(_stretch(d.route, each) for each in own))
+        gated = [drive for drive in drives if named.name in passages_on(arena, drive.route)]
+        passing = tuple(d for d in drives if d in gated or any(_stretch(d.route, each) for each in own))
         uses.append(PassageUse(named.name, named, ends, own, passing))
     for each in left:
         passing = tuple(drive for drive in drives if _stretch(drive.route, each))
@@ -140,7 +164,7 @@ def _first_drive(lab: Lab, program: Program, start: RobotStart, machine: Machine
         if goal is None:
             return None
         here = Point(start.pose.x, start.pose.y)
-        route = leader_route(lab.arena, here, goal.places[0], (), through_gate=True)
+        route = gated_route(lab.arena, here, goal.places[0], ())
         job = next((job for job in machine.jobs if _serves(program, job, event.predicate, event.args)), None)
         return None if route is None else FirstDrive(start.id, goal, route, job)
     return None
@@ -172,14 +196,15 @@ def _belongs(found: NarrowPassage, named: NamedPassage) -> bool:
     return any(point_segment_distance(*middle, *a, *b) <= reach_m for a, b in pairwise(named.entrances))
 
 
-def stretch(route: Route, use: PassageUse) -> tuple[float, float] | None:
-    """Return where `route` enters a passage and where it has left it, arc lengths in metres; None: it does not pass.
+def stretch(arena: Arena, drive: FirstDrive, use: PassageUse) -> tuple[float, float] | None:
+    """Return where a drive enters a passage and where it has left it, arc lengths in metres; None: it does not pass.
 
     Of a named passage that turns cover these are the gate and the end of the narrow section.
     """
-    if use.named is not None and route.gate_m is not None:
-        return route.gate_m, route.clear_m
-    found = [each for passage in use.narrow if (each := _stretch(route, passage)) is not None]
+    gated = passages_on(arena, drive.route).get(use.name) if use.named is not None else None
+    if gated is not None and gated.gate_m is not None:
+        return gated.gate_m, gated.clear_m
+    found = [each for passage in use.narrow if (each := _stretch(drive.route, passage)) is not None]
     return (min(enter for enter, _ in found), max(leave for _, leave in found)) if found else None
 
 

@@ -17,7 +17,7 @@ from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
 from rmr.radio.phy import Bursts
 from rmr.radio.settings import SETTINGS, Setting
 from rmr_world.quorum import ALL, QUORUM_SCHEMA, Quorum, quorum_value
-from rmr_world.units import ROBOTS_MAX, angle, duration, ids, ids_or_all
+from rmr_world.units import PASSAGES_MAX, ROBOTS_MAX, angle, duration, ids, ids_or_all
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
@@ -158,8 +158,8 @@ class AreaSpec(_Strict):
         return self
 
 
-class BottleneckSpec(_Strict):
-    """What robots pass one at a time: the area at its entry, or those at both ends where they come from both."""
+class PassageSpec(_Strict):
+    """What robots pass in turns: the area at its entry, or those at both ends where they come from both."""
 
     mouths: Annotated[list[str], Field(min_length=1, max_length=2)]
 
@@ -170,7 +170,7 @@ class BottleneckSpec(_Strict):
             return {"mouths": [value]}
         if isinstance(value, dict) and isinstance(value.get("mouths"), list) and len(value["mouths"]) == 1:
             (mouth,) = value["mouths"]
-            raise ValueError(f"mouths should name two areas; for one entry write `bottleneck: {mouth}`")
+            raise ValueError(f"mouths should name two areas; for one entry write its name alone: {mouth}")
         return value
 
 
@@ -393,8 +393,8 @@ class LoadSpec(_Strict):
     robots: Ids | None = Field(None, description="The robots that get it; by default all.")
 
 
-Bottleneck = Annotated[
-    BottleneckSpec,
+PassageValue = Annotated[
+    PassageSpec,
     WithJsonSchema(
         {
             "anyOf": [
@@ -430,7 +430,10 @@ class LabFile(_Strict):
     )
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
-    bottleneck: Bottleneck | None = None
+    bottleneck: PassageValue | None = None
+    passages: dict[Annotated[str, Field(pattern=NAME)], PassageValue] = Field(
+        {}, max_length=PASSAGES_MAX, description="Passages in which whoever drives through takes turns, by name."
+    )
     stations: Annotated[dict[str, StationSpec], BeforeValidator(stations_value), WithJsonSchema(STATIONS_SCHEMA)] = {}
     robots: Annotated[list[RobotSpec], Field(min_length=1)]
     facts: list[str] = []

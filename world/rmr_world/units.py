@@ -10,6 +10,8 @@ from rmr.base.ids import in_order
 from rmr.base.time import NS_PER_MS, NS_PER_S, Duration
 from rmr.base.values import ROBOT_ID_MAX
 
+PASSAGES_MAX = 24
+"""Passages of a lab: a robot keeps the groups of all of them (`rmr.coord.timing.GROUPS_MAX`)."""
 ROBOTS_MAX = 1000
 """Bound of the robots of one world and one radio, which also stops a typing error in a grid."""
 

@@ -98,9 +98,13 @@ def serves(program: Program, job: TimedJob, action: int) -> bool:
     return job.assertion >= 0 and may_serve(program, program.assertions[job.assertion], action)
 
 
-def led_to(program: Program, live: Sequence[TimedJob], action: int) -> list[TimedJob]:
-    """Return the scheduled ones of the `live` jobs that `action` serves if later ones are counted, first due first."""
-    found = [job for job in live if program.assertions[job.assertion].scheduled and serves(program, job, action)]
+def led_to(program: Program, live: Sequence[TimedJob], action: int, *, scheduled: bool = True) -> list[TimedJob]:
+    """Return those of the `live` jobs that `action` serves if later ones are counted, first due first.
+
+    With `scheduled` only those of assertions that are scheduled, not those that are watched.
+    """
+    jobs = [job for job in live if not scheduled or program.assertions[job.assertion].scheduled]
+    found = [job for job in jobs if serves(program, job, action)]
     return sorted(found, key=lambda job: (job.deadline, job.serial))
 
 

@@ -8,11 +8,12 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import Area, Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, milliseconds, seconds
 from rmr.coord.timing import EXCLUSIVE
+from rmr.node.motion import forecast
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.grid import grid_of
 from rmr.node.motion.navigator import Navigator
@@ -41,7 +42,11 @@ class Approach:
         navigator = self._navigator
         route = navigator.route
         if route is not None and route.gate_m is not None and self._made is not None:
-            return self._made[2]._replace(approach=navigator.eta_gate())
+            kept = self._made[2]
+            if kept.passage == route.passage or not navigator.arena.has_shared_passages:
+                return kept._replace(approach=navigator.eta_gate())
+        if route is not None and route.gate_m is not None and navigator.arena.has_shared_passages:
+            return forecast.estimate_of_drive(navigator)
         origin = pose
         rest = 0
         if navigator.status == "moving" and route is not None:
@@ -57,42 +62,46 @@ class Approach:
             was, to, estimate = self._made
             if to == goal and distance(*was, *start) <= MOVED_M:
                 return estimate
-        made = self._navigator.estimate(origin, goal, ())
+        made = forecast.estimate(self._navigator.arena, origin, goal)
         if made is not None:
             self._made = (start, goal, made)
         return made
 
-    def shared(self, pose: Pose, goal: Point, direction: int) -> dict[int, GridPath]:
-        """Return the paths that the robot shares when it leads, by direction: in its own one, `direction`, from `pose`
-        to `goal`, and in the opposite one from the other entrance to where it comes from."""
+    def shared(self, pose: Pose, goal: Point, passage: FloorPassage | None, direction: int) -> dict[int, GridPath]:
+        """Return the paths that the robot shares when it leads at `passage`, by direction.
+
+        In its own one, `direction`, from `pose` to `goal`, and in the opposite one from the other entrance to where it
+        comes from.
+        """
         navigator = self._navigator
-        paths = {direction: navigator.plan_shared(pose, goal)}
-        entrances = navigator.arena.mouths
-        if len(entrances) == 2 and direction != EXCLUSIVE:
-            paths[1 - direction] = navigator.plan_shared(Pose(*entrances[1 - direction], 0.0), Point(pose.x, pose.y))
+        arena = navigator.arena
+        paths = {direction: forecast.shared_path(arena, pose, goal, navigator.behind)}
+        if passage is not None and passage.two_ended and direction != EXCLUSIVE:
+            entrance = passage.mouth(1 - direction)
+            paths[1 - direction] = forecast.shared_path(arena, Pose(*entrance, 0.0), Point(pose.x, pose.y))
         return {each: path for each, path in paths.items() if path is not None}
 
-    def headway(self, area: Area, direction: int) -> Duration:
-        """Return the time between two entries into the bottleneck in `direction` to `area`.
+    def headway(self, area: Area, passage: FloorPassage | None, direction: int) -> Duration:
+        """Return the time between two entries into `passage` in `direction` to `area`.
 
         Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
         one waits so much longer that robots finish in the order in which they enter. Not where others come out of
-        the bottleneck, nor in a crowd: there time is what deadlines are missed for, and each headway delays many.
+        the passage, nor in a crowd: there time is what deadlines are missed for, and each headway delays many.
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-        keeps_order = area.slotted and len(arena.mouths) < 2 and self._finishes_in_order
-        lengths = departures(arena, area.name, direction) if keeps_order else ()
+        lengths: tuple[float, ...] = ()
+        if passage is not None and not passage.two_ended and area.slotted and self._finishes_in_order:
+            lengths = departures(arena, passage.mouth(direction), area.name)
         spread = max((a - b for a, b in pairwise(lengths)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
 
 
 @lru_cache(maxsize=16)
-def departures(arena: Arena, area_name: str, direction: int) -> tuple[float, ...]:
-    """Return how far each place of an area is from the entrance of `direction`, metres; empty without a route."""
-    entrance = arena.mouth(direction)
+def departures(arena: Arena, entrance: Point, area_name: str) -> tuple[float, ...]:
+    """Return how far each place of an area is from an `entrance`, metres; empty without a route."""
     area = arena.area(area_name)
-    if entrance is None or area is None:
+    if area is None:
         return ()
     routes = [leader_route(arena, entrance, place, (), through_gate=False) for place in area.places]
     return tuple(route.length_m for route in routes if route is not None)
@@ -101,7 +110,7 @@ def departures(arena: Arena, area_name: str, direction: int) -> tuple[float, ...
 def foresee(arena: Arena) -> None:
     """Work out what plans need of the arena alone. It takes tenths of a second: once, before lab time runs."""
     grid_of(arena)
-    if len(arena.mouths) == 1:
-        for area in arena.areas:
+    for passage in arena.passages:
+        for area in () if passage.two_ended else arena.areas:
             if area.slotted:
-                departures(arena, area.name, 0)
+                departures(arena, passage.mouth(0), area.name)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Final
 
-from rmr.base.arena import Arena
+from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import in_seconds
 from rmr.node.crossing.resource import OFF_ROUTE_M, entry_route, located
@@ -38,8 +38,9 @@ def _barring(arena: Arena, start: Point, goal: Point, lost: tuple[tuple[int, Poi
 
 def blocked_words(arena: Arena, goal: Point, robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
     """Return a sentence on the `robots` that bar the way to `goal`, without a full stop."""
-    within = any(_in_bottleneck(arena, goal, lost[robot].place) for robot in robots)
-    return f"the {'bottleneck' if within else 'way'} is blocked by {silent_words(robots, lost)}"
+    passage = next((p for robot in robots if (p := _passage_at(arena, goal, lost[robot].place)) is not None), None)
+    what = "way" if passage is None else "bottleneck" if passage.by_event else f"passage '{passage.name}'"
+    return f"the {what} is blocked by {silent_words(robots, lost)}"
 
 
 def silent_words(robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
@@ -49,11 +50,14 @@ def silent_words(robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
     return ", and by ".join(names)
 
 
-def _in_bottleneck(arena: Arena, goal: Point, place: Point) -> bool:
-    """Return whether a body at `place` is in the narrow section on the way to `goal`, or before one of its ends."""
-    entry = entry_route(arena, goal)
-    if entry is None:
-        return False
-    s, off_m = located(entry.route, Pose(place.x, place.y, 0.0))
-    reach_m = 2.0 * arena.shape.radius
-    return off_m < OFF_ROUTE_M and entry.entrance_m - reach_m < s < entry.route.clear_m + reach_m
+def _passage_at(arena: Arena, goal: Point, place: Point) -> FloorPassage | None:
+    """Return the passage on the way to `goal` in which a body at `place` is, or before one of whose ends."""
+    for passage in arena.passages:
+        entry = entry_route(arena, passage, goal)
+        if entry is None:
+            continue
+        s, off_m = located(entry.route, Pose(place.x, place.y, 0.0))
+        reach_m = 2.0 * arena.shape.radius
+        if off_m < OFF_ROUTE_M and entry.entrance_m - reach_m < s < entry.route.clear_m + reach_m:
+            return passage
+    return None

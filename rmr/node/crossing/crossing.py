@@ -66,6 +66,8 @@ class Crossing:
     job: TimedJob
     group_id: bytes
     """Six octets that name the group of those that contend for the resource."""
+    event_id: bytes
+    """Those of the job's event: the group, unless the resource is one of robots of several events."""
     trigger: Instant
     """With the robot the identity of the request."""
     goal: Area | None
@@ -87,6 +89,10 @@ class Crossing:
     """When the robot entered last; 0: never."""
     serving: list[RunningAction] = field(default_factory=list)
     """The actions that wait for this crossing, or are under way by it; rarely more than one."""
+    later: Duration = 0
+    """The least time that later steps of the job take behind the drive."""
+    of_drive: bool = False
+    """Whether it is that of one drive alone, which needs a turn at passages only."""
     station: bool = False
     """Whether the resource is a station, the goal: held until the robot has left it."""
     capacity: int = 1
@@ -113,10 +119,20 @@ class Crossing:
         return isinstance(self.phase, Left)
 
     @property
+    def passage(self) -> str | None:
+        """The passage of robots of all events at which it asks or is; None: its resource is that of its event."""
+        return self.plan.passage if self.group_id != self.event_id else None
+
+    @property
+    def told(self) -> str:
+        """What the robot contends for, as the trace tells it: a passage, a station or an event."""
+        return self.passage or self.job.event
+
+    @property
     def deadline(self) -> Instant:
         """By when the robot wants to be clear of the resource, as the leader hears it."""
         demoted_at = self.late.demoted_at
-        return self.job.deadline - self.plan.after if demoted_at is None else demoted_at
+        return self.job.deadline - self.plan.after - self.later if demoted_at is None else demoted_at
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""
@@ -162,7 +178,8 @@ class Crossing:
 
     def hold_line(self) -> OpenHoldLine:
         """Return what the phase allows at the hold line."""
-        return OpenHoldLine(self.phase.start if isinstance(self.phase, Slotted) else None, opened=not self.waits)
+        start = self.phase.start if isinstance(self.phase, Slotted) else None
+        return OpenHoldLine(start, opened=not self.waits, passage=self.plan.passage)
 
     # -- the machine ----------------------------------------------------------------------------------------
 
@@ -198,7 +215,7 @@ class Crossing:
             case Entered(end=end, cautious=cautious):
                 self._enter(Entered, Inside(end, situation.route))
                 self.entered_at = now
-                entry = TraceEntry("entered", {"event": self.job.event, "cautious": cautious})
+                entry = TraceEntry("entered", {"event": self.told, "cautious": cautious})
                 return [self.hold_line(), entry]
             case SlotLost() | EntryMissed():
                 return self._lose_slot(now, event, situation)
@@ -238,8 +255,19 @@ class Crossing:
         """
         passes = plan is None or plan.gated or not self.plan.gated
         if plan is not None and self.plan.gated:
-            self.plan = replace(plan, gated=True)
+            self.plan = replace(plan, gated=True, passage=plan.passage or self.plan.passage)
         return self.renew(now, self.job, self.goal) if passes else []
+
+    def polled(self, now: Instant) -> None:
+        """Note that a request cannot be made yet."""
+        if isinstance(self.phase, Preparing):
+            self.phase.polled_at = now
+
+    def move(self, group_id: bytes, trigger: Instant = 0) -> None:
+        """Go to another resource, that of a group in which the robot's last trigger was before `trigger`."""
+        assert isinstance(self.phase, Preparing), self.phase
+        self.group_id = group_id
+        self.trigger = max(self.trigger, trigger)
 
     def finish(self) -> list[Command]:
         """Handle the end of the job before the robot has entered."""
@@ -260,7 +288,7 @@ class Crossing:
     def leave(self) -> list[Command]:
         """Leave: the robot is clear of the resource."""
         self._enter(OwnEvent.CLEARED, Left())
-        return [Leave(), TraceEntry("left", {"event": self.job.event})]
+        return [Leave(), TraceEntry("left", {"event": self.told})]
 
     def follow_leader(self, now: Instant, situation: Situation) -> list[Command]:
         """Tell a new leader the release of today, if `release_may_be_old`."""
@@ -312,12 +340,16 @@ class Crossing:
             return []
         phase.polled_at = now
         self.barred = situation.barred
-        if situation.within:  # pushed in, or its slot was lost there: it has to get out
+        # Pushed in, or its slot was lost there, it has to get out. Its way may lead through another passage by now.
+        if situation.within or self._goes_elsewhere(situation.plan):
             return self.renew(now, self.job, self.goal)
         self.plan = situation.plan or self.plan
         slot = phase.start if isinstance(phase, Slotted) else None
         symptom = self.late.diagnose(now, situation, self.plan.approach, self.release, slot)
         return [] if symptom is None else self._treat(now, symptom)
+
+    def _goes_elsewhere(self, plan: CrossingPlan | None) -> bool:
+        return plan is not None and plan.gated and plan.passage != self.plan.passage
 
     def _treat(self, now: Instant, symptom: Symptom) -> list[Command]:
         release = self.late.treat(now, symptom, self.plan.approach)
@@ -346,7 +378,7 @@ class Crossing:
             cannot_be_passed = situation.late_goes_next and situation.set_out and self.plan.approach <= NEAR_ENTRANCE
             revised = self._treat(now, Symptom.RETRY_NEXT if cannot_be_passed else Symptom.SLOT_WASTED)
         self._enter(type(event), Asking(0))
-        return [*revised, self.hold_line(), TraceEntry("slot_lost", {"event": self.job.event, "missed": missed})]
+        return [*revised, self.hold_line(), TraceEntry("slot_lost", {"event": self.told, "missed": missed})]
 
     def _pass(self, now: Instant, phase: Inside, situation: Situation) -> list[Command]:
         """Go on inside until the robot is clear."""

@@ -6,17 +6,15 @@ navigator. It gives each crossing its situation and carries out the commands tha
 kept by group: a robot may have one for each of any number of resources.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
-from rmr.base.streams import stable_hash
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
-    JobRequest,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -26,28 +24,24 @@ from rmr.coord.events import (
 from rmr.coord.timing import Order
 from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.actions.job_steps import led_to
+from rmr.node.crossing import resource
+from rmr.node.crossing.command_executor import CommandExecutor
 from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
+from rmr.node.crossing.crossing_table import CrossingTable, crossing_of
 from rmr.node.crossing.destination import Destinations
+from rmr.node.crossing.later_steps import time_of
 from rmr.node.crossing.observer import Observer
 from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
-from rmr.node.crossing.request import area_among, goal_of, may_drive, without_deadline
-from rmr.node.crossing.shared_path import GROUPS_KEPT, SharedPaths, keep
+from rmr.node.crossing.request import area_among, goal_among, goal_of, may_drive, without_deadline
+from rmr.node.crossing.shared_path import SharedPaths, keep
 from rmr.node.crossing.situation import (
-    ChangeRank,
     Command,
-    InsideUntil,
-    Leave,
-    OpenHoldLine,
-    Revise,
-    RobotCommand,
-    SetReady,
-    TraceEntry,
-    Unforeseen,
-    Withdraw,
 )
 from rmr.node.crossing.station_area import contains
 from rmr.node.parts import CrossingHost
+from rmr.vm.derive import Chain
 from rmr.vm.job import TimedJob
+from rmr.vm.machine_events import ActionDerived
 
 
 class Crossings:
@@ -56,11 +50,13 @@ class Crossings:
     def __init__(self, robot: CrossingHost, core: Coordination, digest: int) -> None:
         self._robot = robot
         self._core = core
-        self._digest = digest
         self._observer = Observer(robot, core)
-        self._crossings: dict[bytes, Crossing] = {}
+        self._table = CrossingTable(digest)
         self._paths = SharedPaths(robot, core, self.name_of)
         self.destinations = Destinations(robot)
+        self._executor = CommandExecutor(robot, core, self.destinations)
+        self._shares = robot.driver is not None and robot.config.arena.has_shared_passages
+        """Whether there are passages that are resources of all robots, whatever their events."""
         self._looks = robot.driver is not None and bool(robot.config.arena.stations)
         """Whether the robot has not yet looked whether it stands in a station."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
@@ -93,24 +89,27 @@ class Crossings:
 
     def _contend(self, now: Instant, job: TimedJob, goal: Area | None) -> None:
         """Ask for a turn among the robots of the job's event."""
-        group_id = self.group_of(job)
-        old = self._crossings.get(group_id)
+        event_id = self.group_of(job)
+        old = self._table.of_event(event_id)
         if old is not None and not old.over:
             self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
             return
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
-        self._crossings.pop(group_id, None)  # the newest crossing is the last
-        self._crossings[group_id] = Crossing(job, group_id, trigger, goal)
-        self._forget()
-        self._ask(now, self._crossings[group_id])
+        if old is not None:
+            self._table.remove(old)  # the newest crossing is the last
+        self._ask(now, self._add(Crossing(job, event_id, event_id, trigger, goal)))
+
+    def _add(self, crossing: Crossing) -> Crossing:
+        self._forget(self._table.add(crossing))
+        return crossing
 
     def finished(self, now: Instant, job: TimedJob) -> None:
         """Handle a job that has ended: its crossing is over, or will be as soon as the robot is clear."""
-        for crossing in [each for each in self._crossings.values() if each.job is job and not each.over]:
+        for crossing in [each for each in self._table if each.job is job and not each.over]:
             if isinstance(crossing.phase, Inside):
                 self._step(now, crossing)
             elif not (crossing.station and crossing.serving):  # a drive into a station waits for a place all the same
-                self._execute(now, crossing, crossing.finish())
+                self._executor.execute(now, crossing, crossing.finish())
 
     def _ask(self, now: Instant, crossing: Crossing) -> None:
         """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
@@ -122,20 +121,78 @@ class Crossings:
                 return
         self._step(now, crossing)
 
-    def _forget(self) -> None:
-        """Keep memory bounded: drop the oldest crossings that are over, with what is known of their groups."""
-        over = [group_id for group_id, crossing in self._crossings.items() if crossing.over]
-        for group_id in over[: max(0, len(self._crossings) - GROUPS_KEPT)]:
-            del self._crossings[group_id]
+    def _moved(self, now: Instant, crossing: Crossing) -> bool:
+        """Take a crossing that is being prepared to the group of its resource; return whether it may ask there.
+
+        The resource is the next passage on its way, or its event. A robot asks once at a passage: another crossing of
+        it, whose drive is not under way, steps back for one whose drive is.
+        """
+        knows, plan = self._observer.estimate(now, crossing)
+        if plan is None and not knows:
+            return False
+        passage = None if plan is None or not plan.gated else plan.passage
+        group_id = crossing.event_id if passage is None else self._table.passage_id(passage)
+        if passage is None and crossing.of_drive:
+            self._executor.execute(
+                now, crossing, crossing.finish()
+            )  # its way leads through no passage now: nothing to ask for
+            return False
+        if group_id == crossing.group_id:
+            return True
+        other = self._table.at(group_id)
+        if other is not None and not other.over:
+            if not crossing.serving or other.serving or not other.waits:
+                return False
+            self._executor.execute(now, other, other.renew(now, other.job, other.goal))
+            self._forget(self._table.move(other, other.event_id))
+        trigger = 0 if other is None else other.trigger + TRIGGERS_APART
+        self._forget(self._table.move(crossing, group_id, trigger))
+        return True
+
+    def _drive_to(self, now: Instant, job: TimedJob | None, area: Area, later: Duration = 0) -> Crossing:
+        """Return the crossing of a drive that serves no event: it needs a turn at the passages on its way.
+
+        `job` is the one whose finish can follow from a later action, which takes `later` from the end of the drive on;
+        None: the drive goes behind all deadlines.
+        """
+        event_id = self._table.drive_id()
+        job = without_deadline(now, self._robot.config.robot, area.name) if job is None else job
+        crossing = self._add(Crossing(job, event_id, event_id, now, area, of_drive=True, later=later))
+        self._ask(now, crossing)
+        return crossing
+
+    def _ask_at_gate(self, now: Instant) -> None:
+        """Ask for a turn at the gate before which the drive under way is, if it has none and has not asked.
+
+        Whatever drives through a passage that all robots share needs a turn: also a drive that serves no job, and one
+        that passes several, which asks at each of them as it comes out of the one before.
+        """
+        running = self._robot.driving
+        driver = self._robot.driver
+        if not self._shares or running is None or driver is None:
+            return
+        navigator = driver.navigator
+        route = resource.entered_route(navigator)
+        if route is None or navigator.passed_gate or navigator.goal is None:
+            return
+        crossing = self.crossing(running)
+        if crossing is None:
+            crossing = self._drive_to(now, None, goal_among(None, navigator.goal))
+            running.permit = crossing
+            crossing.serving.append(running)
+        elif crossing.over or (not crossing.waits and not crossing.plan.gated):
+            goal = goal_among(crossing.goal, navigator.goal)
+            commands = crossing.restart if crossing.over else crossing.renew
+            self._renewed(now, crossing, commands(now, crossing.job, goal))
+
+    def _forget(self, groups: Iterable[bytes]) -> None:
+        """Forget what is known of `groups` whose crossings were dropped."""
+        for group_id in groups:
             self.schedules.pop(group_id, None)
 
     def group_of(self, job: TimedJob) -> bytes:
         """Return the six octets that name the group of `job`: program, assertion and finish arguments."""
-        return stable_hash(f"{self._digest}/{job.assertion}/{job.event}", 6).to_bytes(6, "big")
-
-    def _crossing_of(self, job: TimedJob) -> Crossing | None:
-        crossing = self._crossings.get(self.group_of(job))
-        return None if crossing is None or crossing.job is not job else crossing
+        return self._table.event_id(job)
 
     def _goal_of(self, job: TimedJob) -> Area | None:
         robot = self._robot
@@ -144,28 +201,39 @@ class Crossings:
     # -- actions --------------------------------------------------------------------------------------------
 
     def permit(
-        self, now: Instant, jobs: Sequence[TimedJob], live: Sequence[TimedJob], action: int, args: Sequence[Value]
+        self, now: Instant, jobs: Sequence[TimedJob], live: Sequence[TimedJob], derived: ActionDerived, then: Chain
     ) -> Permit | None:
-        """Return the crossing by which `action` goes; None: it needs none.
+        """Return the crossing by which an action goes that was `derived`; None: it needs none.
 
-        It serves `jobs`, first due first; a drive into a station also serves those of the jobs without finish, `live`,
-        whose finish can follow from a later action, and needs a place even if it serves none. What else serves a job
-        that has held a station goes by that.
+        It serves `jobs`, first due first. A drive into a station, or through passages that all robots share, also
+        serves those of the jobs without finish, `live`, whose finish can follow from a later action, and needs its turn
+        even if it serves none. Later steps of its chain, `then`, have their part of the time until the deadline. What
+        else serves a job that has held a station goes by that.
         """
-        area = area_among(self._robot.config.arena, args) if self._robot.drives_to_area(action) else None
+        action = derived.predicate
+        args = derived.args
+        robot = self._robot
+        area = area_among(robot.config.arena, args) if robot.drives_to_area(action) else None
         if self._is_alone:
             return None
         if area is not None and self._is_station(area):
             job = next(iter(jobs or led_to(self._robot.program, live, action)), None)
             return self._hold_station(now, job, area)
         if not jobs:
-            return None
+            # The passage has turns by itself, so the deadline of a job that is watched counts, too.
+            job = next(iter(led_to(robot.program, live, action, scheduled=False)), None)
+            if area is None or not self._shares:
+                return None
+            later = 0
+            if job is not None and then:
+                later = time_of(robot.program, robot.config.arena, robot.drives_to_area, area.places[0], then)
+            return self._drive_to(now, job, area, later)
         # The jobs are in order of their deadlines: an action that serves several waits for that of the most urgent one.
         job = jobs[0]
-        held = next((each for each in self._crossings.values() if each.station and each.job is job), None)
+        held = next((each for each in self._table if each.station and each.job is job), None)
         if held is not None:
             return held
-        if self.group_of(job) not in self._crossings and self._may_lead_to_station(job):
+        if self._table.of_event(self.group_of(job)) is None and self._may_lead_to_station(job):
             self._contend(now, job, self._goal_of(job))
         return self._permit(now, job, action, args)
 
@@ -187,25 +255,22 @@ class Crossings:
         `job` None: the drive serves no job, and goes behind all deadlines. All that drive into a station are one group,
         whatever their events: its places are the same.
         """
-        group_id = stable_hash(f"{self._digest}/station/{area.name}", 6).to_bytes(6, "big")
-        found = self._crossings.get(group_id)
+        group_id = self._table.station_id(area.name)
+        found = self._table.at(group_id)
         if job is None:
             if found is not None and not found.over:
                 return found
             job = without_deadline(now, self._robot.config.robot, area.name)
-        old = self._crossing_of(job)
+        old = self._table.of_job(job)
         if old is not None and old.waits and not old.serving:  # the station takes the place of the event
-            self._execute(now, old, old.finish())
+            self._executor.execute(now, old, old.finish())
         if found is not None and not found.over:
             if found.job is not job and (found.job.finish is not None or found.job.assertion < 0 or not found.waits):
                 self._renewed(now, found, found.restart(now, job, area))
             return found
         trigger = max(now, found.trigger + TRIGGERS_APART if found else 0)
         capacity = self._robot.config.arena.capacity(area.name)
-        crossing = Crossing(job, group_id, trigger, area, station=True, capacity=capacity)
-        self._crossings.pop(group_id, None)
-        self._crossings[group_id] = crossing
-        self._forget()
+        crossing = self._add(Crossing(job, group_id, group_id, trigger, area, station=True, capacity=capacity))
         self._ask(now, crossing)
         return crossing
 
@@ -215,7 +280,7 @@ class Crossings:
         A crossing that was used up without an end of the job, by an action that failed, is asked for again: else the
         next try would go while others have their slots.
         """
-        crossing = self._crossing_of(job)
+        crossing = self._table.of_job(job)
         if crossing is None:
             return None
         if crossing.over:
@@ -229,13 +294,12 @@ class Crossings:
     def _renewed(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
         """Carry out what gives up a request, if it has been given up, and request again."""
         if commands:
-            self._execute(now, crossing, commands)
+            self._executor.execute(now, crossing, commands)
             self._ask(now, crossing)
 
     def crossing(self, running: RunningAction | None) -> Crossing | None:
         """Return the crossing by which an action goes."""
-        permit = None if running is None else running.permit
-        return permit if isinstance(permit, Crossing) else None
+        return crossing_of(running)
 
     def action_derived(self, running: RunningAction) -> None:
         """Note that an action serves its crossing."""
@@ -249,12 +313,12 @@ class Crossings:
         if crossing is None:
             return
         crossing.serving.remove(running)
-        if failed and not crossing.serving:
-            self._execute(now, crossing, crossing.fail())
+        if (failed or crossing.of_drive) and not crossing.serving:
+            self._executor.execute(now, crossing, crossing.fail())
         if crossing.station:
             self._step(now, crossing)
         elif isinstance(crossing.phase, Inside) and not crossing.plan.gated and not crossing.serving:
-            self._execute(now, crossing, crossing.leave())
+            self._executor.execute(now, crossing, crossing.leave())
 
     def depart(self, now: Instant, goal: Point, heading: float | None, permit: Permit | None) -> None:
         """Set out for `goal`, facing `heading` in the end; by a gated crossing through its hold line."""
@@ -263,24 +327,24 @@ class Crossings:
         crossing = permit if isinstance(permit, Crossing) else None
         gated = crossing is not None and crossing.plan.gated and not crossing.over
         shared = self._paths.path(crossing.group_id, crossing.plan.direction) if crossing and gated else None
-        robot.driver.depart(now, goal, robot.peers, heading=heading, gated=gated, shared=shared)
+        robot.driver.depart(now, goal, robot.peers, heading=heading, gated=gated or self._shares, shared=shared)
         if crossing is not None:
             crossing.course.planned(now)
             if gated:
-                self._execute(now, crossing, [crossing.hold_line()])
+                self._executor.execute(now, crossing, [crossing.hold_line()])
 
     # -- what others ask ------------------------------------------------------------------------------------
 
     @property
     def current(self) -> Crossing | None:
         """The newest crossing that is not over."""
-        return next((crossing for crossing in reversed(self._crossings.values()) if not crossing.over), None)
+        return next((crossing for crossing in reversed(self._table) if not crossing.over), None)
 
     def needs_no_queue(self, since: Instant) -> bool:
         """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
         return any(
             crossing.entered_at > since or crossing.beyond or (crossing.late.slots_wasted > 0 and not crossing.over)
-            for crossing in self._crossings.values()
+            for crossing in self._table
         )
 
     def inside(self, now: Instant, crossing: Crossing) -> list[int]:
@@ -290,16 +354,16 @@ class Crossings:
     @property
     def rank(self) -> int:
         """The robot's place in the newest crossing's schedule, 0 without one."""
-        return next((crossing.rank for crossing in reversed(self._crossings.values()) if crossing.rank), 0)
+        return next((crossing.rank for crossing in reversed(self._table) if crossing.rank), 0)
 
     def name_of(self, group_id: bytes) -> Symbol | None:
         """Return the name of the assertion behind a group."""
-        crossing = self._crossings.get(group_id)
-        return None if crossing is None else Symbol(crossing.job.name)
+        crossing = self._table.at(group_id)
+        return None if crossing is None else Symbol(crossing.passage or crossing.job.name)
 
     def stands_inside(self, group_id: bytes, robot: int) -> bool:
         """Return whether `robot` was in the resource of a group, and in the way there, when it was heard last."""
-        crossing = self._crossings.get(group_id)
+        crossing = self._table.at(group_id)
         return crossing is not None and self._observer.stands_inside(crossing, robot)
 
     # -- each call ------------------------------------------------------------------------------------------
@@ -308,8 +372,9 @@ class Crossings:
         """Advance every crossing."""
         if self._looks:
             self._find_itself(now)
+        self._ask_at_gate(now)
         soonest = NEVER
-        for crossing in self._crossings.values():
+        for crossing in self._table:
             if crossing.course.destination is not None:
                 self.destinations.follow(now, crossing)
             if crossing.over:
@@ -322,7 +387,11 @@ class Crossings:
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
 
     def _step(self, now: Instant, crossing: Crossing) -> None:
-        self._execute(now, crossing, crossing.step(now, self._observer.situation(now, crossing)))
+        prepares = isinstance(crossing.phase, Preparing) and not crossing.station
+        if self._shares and prepares and not self._moved(now, crossing):
+            crossing.polled(now)
+            return
+        self._executor.execute(now, crossing, crossing.step(now, self._observer.situation(now, crossing)))
 
     def handle(self, now: Instant, event: CoordEvent) -> None:
         """Take in one event of the coordination core."""
@@ -333,7 +402,7 @@ class Crossings:
             case LeadershipBegan(term=term):
                 self._robot.trace(now, "leads", term=term)
                 self._leader_changed(now, group_id, leads=True)
-                crossing = self._crossings.get(group_id)
+                crossing = self._table.at(group_id)
                 if crossing is not None:
                     self._paths.offer(now, crossing)
             case LeadershipEnded() | LeaderChanged():
@@ -346,50 +415,16 @@ class Crossings:
 
     def _leader_changed(self, now: Instant, group_id: bytes, *, leads: bool) -> None:
         self._paths.leads(now, group_id, does=leads)
-        crossing = self._crossings.get(group_id)
+        crossing = self._table.at(group_id)
         if crossing is not None:
-            self._execute(now, crossing, crossing.follow_leader(now, self._observer.for_new_leader(now, crossing)))
+            self._executor.execute(
+                now, crossing, crossing.follow_leader(now, self._observer.for_new_leader(now, crossing))
+            )
 
     def _handle_slot(self, now: Instant, event: SlotEvent) -> None:
-        crossing = self._crossings.get(event.group_id)
+        crossing = self._table.at(event.group_id)
         if crossing is None:
             return
         if not crossing.over:
             self.next_wake = min(self.next_wake, self._robot.frame_ends)
-        self._execute(now, crossing, crossing.handle(now, event, self._observer.at_event(crossing)))
-
-    def _execute(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
-        """Carry out what a crossing orders: nothing else tells the coordination core of it."""
-        core = self._core
-        group_id = crossing.group_id
-        for command in commands:
-            match command:
-                case SetReady(ready=ready):
-                    core.ready(now, group_id, ready)
-                case InsideUntil(end=end):
-                    core.inside_until(now, group_id, end)
-                case Revise(release=release, deadline=deadline, committed=committed):
-                    core.revise(now, group_id, release=release, deadline=deadline, underway=committed)
-                case JobRequest():
-                    core.trigger(now, command)
-                case Withdraw():
-                    core.withdraw(now, group_id)
-                case Leave():
-                    core.leave(now, group_id)
-                case _:
-                    self._execute_here(now, crossing, command)
-
-    def _execute_here(self, now: Instant, crossing: Crossing, command: RobotCommand) -> None:
-        """Carry out what concerns the robot alone."""
-        robot = self._robot
-        driver = self._robot.driver
-        match command:
-            case OpenHoldLine(opens_at=opens_at, opened=opened):
-                if driver is not None and self.crossing(robot.driving) is crossing:
-                    driver.navigator.gate(opens_at, opened)
-            case ChangeRank():
-                self.destinations.rank_changed(now, crossing)
-            case TraceEntry(what=what, fields=fields):
-                robot.trace(now, what, **fields)
-            case Unforeseen():
-                robot.tell(command)
+        self._executor.execute(now, crossing, crossing.handle(now, event, self._observer.at_event(crossing)))

@@ -4,7 +4,7 @@ Cheap facts are stated in every tick. An estimate plans a route, which costs mil
 is made only where the crossing's step is about to use it: to ask, at a poll, and for a new leader.
 """
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import BOTTLENECK, Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
 from rmr.base.values import Symbol
@@ -65,31 +65,36 @@ class Observer:
         stays = serves_here or (bound_for and leads_in)
         return Situation(cleared=not within and not stays, retreating=within and bound_for and not leads_in)
 
-    def at_event(self, crossing: Crossing, *, gated: bool | None = None) -> Situation:
-        """Return what costs nothing, which is all that events need."""
+    def at_event(self, crossing: Crossing, *, plan: CrossingPlan | None = None) -> Situation:
+        """Return what costs nothing, which is all that events need; `plan`: if another one than before holds."""
         driver = self._robot.driver
+        plan = plan or crossing.plan
         action = crossing.action
         navigator = None if driver is None else driver.navigator
         set_out = action is not None and action.started is not None
         ready = action is not None
-        if crossing.plan.gated if gated is None else gated:
-            ready = set_out and navigator is not None and navigator.reaches_gate(READY)
+        route = None if navigator is None else resource.entered_route(navigator)
+        if route is not None and plan.gated and route.passage != plan.passage:
+            route = None  # the drive leads through another passage for now
+        if plan.gated:
+            ready = set_out and navigator is not None and route is not None and navigator.reaches_gate(READY)
         return Situation(
             late_goes_next=self._profile.late_goes_next,
             set_out=set_out,
             ready=ready,
-            route=None if navigator is None else resource.entered_route(navigator),
+            route=route,
         )
 
     def before_request(self, now: Instant, crossing: Crossing) -> Situation:
         """Return what a request depends on."""
+        arena = self._robot.config.arena
         pose = self._robot.pose
         goal = crossing.goal
         may_ask, plan = self.estimate(now, crossing)
         gated = (plan or crossing.plan).gated
         beyond = False
         if may_ask and not gated and not crossing.station and goal is not None and pose is not None:
-            beyond = resource.is_beyond(self._robot.config.arena, goal, pose)
+            beyond = resource.is_beyond(arena, arena.passage(BOTTLENECK), goal, pose)
         excused = beyond and self._core.passes(crossing.group_id)
         return Situation(pose=pose, may_ask=may_ask, plan=plan, beyond=beyond, excused=excused)
 
@@ -127,15 +132,17 @@ class Observer:
 
     def _gated(self, driver: Driver, found: Estimate, goal: Area, pose: Pose) -> CrossingPlan:
         arena = self._robot.config.arena
+        passage = arena.passage(found.passage)
         return CrossingPlan(
             gated=True,
+            passage=found.passage,
             direction=found.way,
             approach=found.approach,
             inside=found.inside,
             after=found.after,
-            headway=driver.approach.headway(goal, found.way),
-            within=found.within or resource.stands_within(arena, goal, pose),
-            obstructs_exit=resource.obstructs_exit(arena, goal, pose),
+            headway=driver.approach.headway(goal, passage, found.way),
+            within=found.within or resource.stands_within(arena, passage, goal, pose),
+            obstructs_exit=resource.obstructs_exit(arena, passage, goal, pose),
         )
 
     def _polled(self, now: Instant, crossing: Crossing, navigator: Navigator) -> Situation:
@@ -144,11 +151,12 @@ class Observer:
             return Situation(within=True)
         pose = self._robot.pose
         _, plan = self.estimate(now, crossing)
-        gated = (plan or crossing.plan).gated
-        return self.at_event(crossing, gated=gated)._replace(
+        newest = plan or crossing.plan
+        passage = navigator.arena.passage(newest.passage) if newest.gated else None
+        return self.at_event(crossing, plan=newest)._replace(
             pose=pose,
             plan=plan,
-            in_entrance=resource.in_entrance(navigator, crossing.goal, pose, gated=gated),
+            in_entrance=resource.in_entrance(navigator, passage, crossing.goal, pose),
             barred=self._barred(now, crossing.goal, pose),
         )
 
@@ -164,7 +172,7 @@ class Observer:
         if not crossing.plan.gated:
             return False
         place = Pose(peer.hello.x, peer.hello.y, peer.hello.theta)
-        if not resource.stands_within(arena, goal, place, arena.shape.radius):
+        if not resource.stands_within(arena, arena.passage(crossing.plan.passage), goal, place, arena.shape.radius):
             return False
         pose = self._robot.pose
         body = {robot: LostRobot(Point(place.x, place.y), peer.hello_at)}
@@ -183,13 +191,19 @@ class Observer:
 def finds_itself_within(arena: Arena, crossing: Crossing, pose: Pose | None, slack_m: float = 0.0) -> bool:
     """Return whether the robot at `pose` stands in the resource of `crossing`, or within `slack_m` of that."""
     goal = crossing.goal
-    return pose is not None and goal is not None and resource.stands_within(arena, goal, pose, slack_m)
+    passage = arena.passage(crossing.plan.passage)
+    return pose is not None and goal is not None and resource.stands_within(arena, passage, goal, pose, slack_m)
 
 
 def inside(navigator: Navigator, crossing: Crossing, pose: Pose | None, entered: Route | None) -> Situation:
     """Return how a robot at `pose` gets on inside, which has `entered` by that route as far as is known."""
+    passage = crossing.plan.passage
+    if passage in navigator.behind:
+        return Situation(route=entered, cleared=True)
     ahead = resource.entered_route(navigator)
     passed = navigator.passed_gate
+    if ahead is not None and ahead.passage != passage:  # the way leads through another passage now
+        return Situation(route=entered, retreating=True, cleared=resource.is_clear(navigator, entered, pose))
     route = entered or ahead
     starts = crossing.plan.within and route is None  # its action is still to begin
     if starts and finds_itself_within(navigator.arena, crossing, pose, resource.OFF_ROUTE_M):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Kind, Program, Serving, Slot
@@ -23,6 +24,11 @@ def area_among(arena: Arena, values: Iterable[Value]) -> Area | None:
     """Return the first of `values` that is an area."""
     areas = (arena.area(value) for value in values if isinstance(value, Symbol))
     return next((area for area in areas if area is not None), None)
+
+
+def goal_among(area: Area | None, goal: Point) -> Area:
+    """Return `area` if `goal` is one of its places, else a place of its own: where a drive leads."""
+    return area if area is not None and goal in area.places else Area("", (goal,))
 
 
 def known_arguments(serving: Serving, job: TimedJob) -> list[Value]:

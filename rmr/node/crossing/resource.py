@@ -7,7 +7,7 @@ its entrance and its end are; hold line and commit line come with the route (`rm
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import Area, Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
@@ -35,11 +35,20 @@ def located(route: Route, pose: Pose) -> tuple[float, float]:
     return s, distance(*route.point(s), pose.x, pose.y)
 
 
-@lru_cache(maxsize=64)
-def entry_route(arena: Arena, goal: Point) -> EntryRoute | None:
-    """Return the route to `goal` from the entrance behind which it lies; None where no narrow section is on it."""
-    for entrance in arena.mouths:
-        route = leader_route(arena, entrance, goal, (), through_gate=True)
+def entry_route(arena: Arena, passage: FloorPassage | None, goal: Point) -> EntryRoute | None:
+    """Return the route to `goal` from the entrance of `passage` behind which it lies.
+
+    None where no narrow section of it is on the route.
+    """
+    return None if passage is None else _entry_route(arena, passage.name, goal)
+
+
+@lru_cache(maxsize=256)
+def _entry_route(arena: Arena, name: str, goal: Point) -> EntryRoute | None:
+    passage = arena.passage(name)
+    others = frozenset(each.name for each in arena.passages if each.name != name)
+    for entrance in () if passage is None else passage.mouths:
+        route = leader_route(arena, entrance, goal, (), through_gate=True, behind=others)
         if route is None or route.gate_m is None:
             continue
         if route.clear_m - route.gate_m > NARROW_RADII * arena.shape.radius:
@@ -48,14 +57,14 @@ def entry_route(arena: Arena, goal: Point) -> EntryRoute | None:
 
 
 def entered_route(navigator: Navigator) -> Route | None:
-    """Return the route that the robot follows, if that leads through a resource."""
+    """Return the route that the robot follows, if that leads through a passage."""
     route = navigator.route
     return None if route is None or route.gate_m is None else route
 
 
-def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) -> bool:
-    """Return whether a robot at `pose` stands in the resource on the way to `goal`, or within `slack_m` of that."""
-    entry = entry_route(arena, goal.places[0])
+def stands_within(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose, slack_m: float = 0.0) -> bool:
+    """Return whether a robot at `pose` stands in `passage` on the way to `goal`, or within `slack_m` of that."""
+    entry = entry_route(arena, passage, goal.places[0])
     if entry is None:
         return False
     s, off_m = located(entry.route, pose)
@@ -63,25 +72,28 @@ def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) ->
     return off_m < OFF_ROUTE_M and entry.entrance_m + inset_m < s < entry.route.clear_m - inset_m
 
 
-def obstructs_exit(arena: Arena, goal: Area, pose: Pose) -> bool:
-    """Return whether a robot at `pose` stands where others come out, nearer than where it may wait."""
-    entry = entry_route(arena, goal.places[0])
+def obstructs_exit(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose) -> bool:
+    """Return whether a robot at `pose` stands where others come out of `passage`, nearer than where it may wait."""
+    entry = entry_route(arena, passage, goal.places[0])
     if entry is None or entry.route.room_m <= 0.0:
         return False
     radius = arena.shape.radius
     beside = distance(*entry.route.point(entry.entrance_m), pose.x, pose.y) < entry.route.room_m + radius
-    return beside or stands_within(arena, goal, pose, radius)
+    return beside or stands_within(arena, passage, goal, pose, radius)
 
 
-def in_entrance(navigator: Navigator, goal: Area | None, pose: Pose | None, *, gated: bool) -> bool:
-    """Return whether the robot is so near to an entrance by which no robot comes out that it blocks others."""
+def in_entrance(navigator: Navigator, passage: FloorPassage | None, goal: Area | None, pose: Pose | None) -> bool:
+    """Return whether the robot is so near to an entrance by which no robot comes out that it blocks others.
+
+    Standing, without a route, it is judged by `passage`, through which its way to `goal` will lead; None: through none.
+    """
     route = navigator.route
     near_m = 2.0 * navigator.arena.shape.radius + IN_ENTRANCE_M
     if route is not None:
         if route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
             return False
         return route.gate_m - near_m < route.length_m - navigator.remaining_m < route.clear_m
-    entry = None if goal is None or pose is None or not gated else entry_route(navigator.arena, goal.places[0])
+    entry = None if goal is None or pose is None else entry_route(navigator.arena, passage, goal.places[0])
     if entry is None or pose is None or entry.route.room_m > 0.0:
         return False
     return distance(*entry.entrance, pose.x, pose.y) < near_m
@@ -93,7 +105,8 @@ def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None, *, 
     A robot whose action has failed and that `stays` where it is holds up others only if its hull is in the resource:
     before the hold line it gives its turn back.
     """
-    if entered_route(navigator) is not None:
+    ahead = entered_route(navigator)
+    if ahead is not None and (entered is None or entered.passage == ahead.passage):
         return navigator.cleared
     if pose is None or entered is None or entered.gate_m is None:
         return True
@@ -102,13 +115,13 @@ def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None, *, 
     return off_m > OFF_ROUTE_M or not entered.gate_m - before_m < s < entered.clear_m
 
 
-def is_beyond(arena: Arena, goal: Area, pose: Pose) -> bool:
-    """Return whether a robot at `pose` has the resource behind it on its way to a goal with room for many.
+def is_beyond(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose) -> bool:
+    """Return whether a robot at `pose` has `passage` behind it on its way to a goal with room for many.
 
     It has if it is nearer to the far end of the passage that leads there than to its entrance. A drive that does not
     pass the resource is no evidence: it may lead through another aisle, or to a goal on this side.
     """
-    entry = entry_route(arena, goal.places[0]) if goal.slotted or goal.box is not None else None
+    entry = entry_route(arena, passage, goal.places[0]) if goal.slotted or goal.box is not None else None
     if entry is None:
         return False
     here = Point(pose.x, pose.y)

@@ -71,6 +71,8 @@ class SharedPaths:
         if goal is None or driver is None or pose is None:
             return
         place = driver.place_of(now, goal, crossing.rank, crossing.place, self._robot.peers)
-        for direction, path in driver.approach.shared(pose, place, crossing.plan.direction).items():
+        passage = self._robot.config.arena.passage(crossing.plan.passage)
+        paths = driver.approach.shared(pose, place, passage, crossing.plan.direction)
+        for direction, path in paths.items():
             self.received(crossing.group_id, direction, path)
             self._core.offer_path(now, crossing.group_id, direction, path)

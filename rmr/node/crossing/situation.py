@@ -25,6 +25,8 @@ class CrossingPlan:
 
     gated: bool = False
     """Whether the route passes an entrance, with a hold line; else entering is the action's beginning."""
+    passage: str | None = None
+    """Name of the passage, if the route passes an entrance."""
     direction: int = EXCLUSIVE
     """Direction through the resource; what is no passage of it excludes all others."""
     approach: Duration = 0
@@ -119,6 +121,8 @@ class OpenHoldLine:
 
     opens_at: Instant | None
     opened: bool
+    passage: str | None
+    """The passage before which it lies."""
 
 
 @dataclass(frozen=True, slots=True)

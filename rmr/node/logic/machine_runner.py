@@ -182,14 +182,17 @@ class MachineRunner:
             return
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        permit = self._crossings.permit(now, jobs, self._machine.live_jobs(), event.predicate, event.args)
+        then = self._machine.steps_after(event.serial)
+        permit = self._crossings.permit(now, jobs, self._machine.live_jobs(), event, then)
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
         if self._program.assertions:
             self._action_log.steps.derived(self._program, running, event.predicate, self._machine.undecided_jobs())
         if self._state.provenance is not None and running.held(now):
-            self._state.provenance.action(now, event.serial, "held", jobs[0].event)
+            crossing = self._crossings.crossing(running)
+            assert crossing is not None
+            self._state.provenance.action(now, event.serial, "held", crossing.job.event)
         self._actions.derive(now, running)
 
     def _cancelled(self, now: Instant, event: ActionCancelled) -> None:

@@ -34,6 +34,8 @@ class Estimate(NamedTuple):
     """From clear, at full speed, until it counts as being at the goal."""
     within: bool = False
     """Whether the robot is in the narrow section already."""
+    passage: str | None = None
+    """Name of the passage behind the gate."""
 
 
 def drive_time(shape: RobotShape, way_m: float, turn: float, v: float = 0.0) -> Duration:
@@ -61,4 +63,4 @@ def estimate_of(shape: RobotShape, route: Route, line_m: float, turn: float) -> 
     inside = seconds((route.clear_m - line_m) / shape.speed)
     after = seconds(max(0.0, route.length_m - route.clear_m - AT_ENTER_M) / shape.speed + AFTER_S)
     approach = max(0, drive_time(shape, line_m, turn) - seconds(LATE_S))
-    return Estimate(approach, inside, route.way, after, route.within)
+    return Estimate(approach, inside, route.way, after, route.within, route.passage)

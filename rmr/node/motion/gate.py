@@ -43,14 +43,16 @@ class EntryGate:
     """What is known about the gate during one drive."""
 
     __slots__ = (
-        "_in_mouth_since", "_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passed",
-        "shape",
+        "_in_mouth_since", "_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passage",
+        "passed", "shape",
     )  # fmt: skip
 
     def __init__(self, shape: RobotShape, *, holding: bool) -> None:
         self.shape = shape
         self.opens_at: Instant | None = None
         self.opened = False
+        self.passage: str | None = None
+        """The passage for which the two hold, and in which the robot is once it has passed; None: any."""
         self.holding = holding
         """Not yet left: it is too early."""
         self.passed = False
@@ -85,6 +87,7 @@ class EntryGate:
             return
         if s > self._entry_m(route) + PASSED_M:
             self.passed = True
+            self.passage = route.passage
         if self.passed and (arrived or s >= route.clear_m):
             self.cleared = True
 
@@ -95,18 +98,25 @@ class EntryGate:
         has to be inside, as that of a robot that was pushed in: else a robot that begins in that room, where it may
         not wait, would count as inside for a step to and fro.
         """
-        if self.opened or route.within or route.room_m <= 0.0 or route.gate_m is None:
+        if self.open_to(route) or route.within or route.room_m <= 0.0 or route.gate_m is None:
             return self.hold_line_m(route)
         return route.gate_m + self.shape.radius
+
+    def open_to(self, route: Route) -> bool:
+        """Return whether the robot may drive through the gate of `route`: its turn is one at that passage."""
+        return self.opened and self._concerns(route)
+
+    def _concerns(self, route: Route) -> bool:
+        return self.passage is None or self.passage == route.passage
 
     def limit(self, now: Instant, route: Route, s: float) -> float:
         """Return the speed that the gate allows at arc length `s`, m/s."""
         speed = self.shape.speed
-        if route.gate_m is None or self.opened or self.passed:
+        if route.gate_m is None or self.passed or self.open_to(route):
             self.holding = False
             return speed
         stop = braking_speed(self.hold_line_m(route) - s)  # so that the robot stops at the hold line
-        if self.opens_at is None:
+        if self.opens_at is None or not self._concerns(route):
             self.holding = False
             return min(speed, stop)
         left = in_seconds(self.opens_at - now)
@@ -125,7 +135,8 @@ class EntryGate:
 
         Or right before one of those that are `standing` there: it cannot get out.
         """
-        if route.room_m <= 0.0 or route.within or self.opened or self.passed or not self._meets(route, s, standing):
+        has_turn = self.open_to(route) or self.passed or route.within
+        if route.room_m <= 0.0 or has_turn or not self._meets(route, s, standing):
             self._in_mouth_since = None
             return False
         self._in_mouth_since = now if self._in_mouth_since is None else self._in_mouth_since
@@ -153,7 +164,7 @@ class EntryGate:
 
     def waiting(self, now: Instant, route: Route) -> bool:
         """Return whether standing is in order, because the robot's turn at the gate is still to come."""
-        if route.gate_m is None or self.opened or self.passed:
+        if route.gate_m is None or self.passed or self.open_to(route):
             return False
         return self.opens_at is None or now < self.opens_at
 

@@ -17,13 +17,13 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
-from rmr.node.motion.estimate import Estimate, estimate_of, time_left
+from rmr.node.motion.estimate import time_left
 from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.grid import discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
-from rmr.node.motion.replanning import ordered_route, replanned
-from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
+from rmr.node.motion.replanning import replanned
+from rmr.node.motion.route import DriveOrder, Route, gated_again
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
@@ -103,10 +103,18 @@ class Navigator:
         self._gate = EntryGate(self.arena.shape, holding=through_gate)
         return self._replan(now, pose)
 
-    def gate(self, opens_at: Instant | None, opened: bool) -> None:
-        """Set when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed."""
-        self._gate.opens_at = opens_at
-        self._gate.opened = opened
+    def gate(self, opens_at: Instant | None, opened: bool, passage: str | None = None) -> None:
+        """Set when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed.
+
+        It concerns the gate of `passage` alone; None: the gate of any.
+        """
+        gate = self._gate
+        gate.opens_at = opens_at
+        gate.opened = opened
+        if not gate.passed:
+            gate.passage = passage
+        if self._order is not None:
+            self._order = self._order._replace(via=passage)
 
     def _park(self, parked: tuple[Point, ...], lost: frozenset[Point]) -> None:
         self._parked = parked
@@ -183,6 +191,8 @@ class Navigator:
             self._come_back(now, pose)
             return STILL
         self._gate.locate(follower.route, follower.s, follower.arrived)
+        if self._gate.cleared and not follower.arrived and self._goes_on_to_next_gate(now, pose):
+            return STILL
         if follower.arrived:
             return self._turn(pose) if excursion is None else STILL
         # A waiting robot does not wish to drive, so the detector of deadlocks misses that it blocks an entrance.
@@ -223,6 +233,24 @@ class Navigator:
         if not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
+        return True
+
+    def _goes_on_to_next_gate(self, now: Instant, pose: Pose) -> bool:
+        """Plan the rest of the drive behind a passage, where there are others; return whether that was due.
+
+        Without a route the robot stands: the old one would lead it past the gate of the next passage.
+        """
+        order = self._order
+        left = self._gate.passage
+        if order is None or left is None or left in order.behind or not order.through_gate:
+            return False
+        behind = order.behind | {left}
+        self._order = order._replace(behind=behind, shared=None)
+        if all(passage.name in behind for passage in self.arena.passages):
+            return False
+        self._excursion = None
+        self._gate = EntryGate(self.arena.shape, holding=False)
+        self._replan(now, pose)
         return True
 
     def _turn(self, pose: Pose) -> Twist:
@@ -302,17 +330,26 @@ class Navigator:
         order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed, lost=self._lost)
         # Robots that go first, in the queue, are waited for and not driven around.
         route = replanned(self.arena, start, order, self._parked, around, at_goal=keep)
+        if keep and route is not None and self._loses_turn(route):
+            return False
         if route is None:
             if not keep:
                 self._follower = None
                 self.status = "blocked"
             return False
         # A route that begins inside does not pass the gate behind it. Until the robot is clear, it still has its turn.
-        if self._gate.passed and not self._gate.cleared:
-            route = gated_again(self.arena, route)
+        inside = self.arena.passage(self._gate.passage)
+        if inside is not None and self._gate.passed and not self._gate.cleared:
+            route = gated_again(self.arena, inside, route)
         self._follower = Follower(route, self.arena.shape)
         self.status = "moving"
         return True
+
+    def _loses_turn(self, route: Route) -> bool:
+        """Return whether a robot that may enter a passage would leave it for another one, or for none, by `route`."""
+        gate = self._gate
+        bound = gate.opened and not gate.passed and self.arena.has_shared_passages
+        return bound and gate.passage is not None and route.passage != gate.passage
 
     # -- state and estimates ---------------------------------------------------------------------------------
 
@@ -320,6 +357,11 @@ class Navigator:
     def goal(self) -> Point | None:
         """Return the goal of the present order."""
         return None if self._order is None else self._order.goal
+
+    @property
+    def behind(self) -> frozenset[str]:
+        """Return the names of the passages that the drive under way has behind it."""
+        return frozenset() if self._order is None or self.status != "moving" else self._order.behind
 
     @property
     def route(self) -> Route | None:
@@ -375,26 +417,3 @@ class Navigator:
             return 0
         way = max(0.0, follower.route.clear_m - follower.s)
         return time_left(self.arena.shape, follower, self._pose, way, self._v)
-
-    def estimate(
-        self,
-        pose: Pose,
-        goal: Point,
-        parked: Sequence[Point] = (),
-        *,
-        shared: GridPath | None = None,
-        through_gate: bool = True,
-    ) -> Estimate | None:
-        """Return the estimate of a drive from `pose` to `goal`, without moving; None if there is no route."""
-        order = DriveOrder(goal, shared, through_gate)
-        route = ordered_route(self.arena, Point(pose.x, pose.y), order, parked)
-        if route is None:
-            return None
-        turn = abs(Follower(route, self.arena.shape).heading_error(pose))
-        return estimate_of(self.arena.shape, route, self._gate.commit_line_m(route), turn)
-
-    def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
-        """Return the part of the route from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
-        order = DriveOrder(goal, None, through_gate=True)
-        route = ordered_route(self.arena, Point(pose.x, pose.y), order, ())
-        return None if route is None else shared_part(self.arena, route)

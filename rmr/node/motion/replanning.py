@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point
 from rmr.node.motion.grid import off_goal
+from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.route import DriveOrder, Route, follower_route, leader_route, off_queue
 
 
@@ -21,8 +22,12 @@ def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequenc
         dead = [place for place in parked if place in order.lost] if order.lost else []
         parked = [*off_queue(arena, start, [place for place in parked if place not in order.lost]), *dead]
     if order.through_gate and order.shared is not None:
-        return follower_route(arena, start, order.goal, parked, order.shared)
-    return leader_route(arena, start, order.goal, parked, through_gate=order.through_gate)
+        route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
+        if route is None or order.via in (None, route.passage):
+            return route
+    if order.through_gate:
+        return gated_route(arena, start, order.goal, parked, behind=order.behind, via=order.via)
+    return leader_route(arena, start, order.goal, parked, through_gate=False)
 
 
 def replanned(

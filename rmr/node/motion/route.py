@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from rmr.base.arena import Arena
+from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
 from rmr.node.motion.astar import FreeSpace, plan
@@ -50,7 +50,7 @@ class Route:
     at_m: tuple[float, ...]
     """Arc length at each point."""
     gate_m: float | None = None
-    """Arc length of the gate; None: the route does not pass the bottleneck."""
+    """Arc length of the gate; None: the route passes no passage."""
     clear_m: float = 0.0
     """Arc length where the hull is out of the narrow section."""
     way: int = 0
@@ -60,6 +60,8 @@ class Route:
     """Whether it begins in the narrow section: the gate is where it begins."""
     room_m: float = 0.0
     """What a robot that waits before the gate leaves free for those that come out."""
+    passage: str | None = None
+    """Name of the passage behind the gate."""
     xs: tuple[float, ...] = field(init=False, compare=False, repr=False)
     """The points as bare numbers, for each frame of a moving robot asks for some."""
     ys: tuple[float, ...] = field(init=False, compare=False, repr=False)
@@ -161,52 +163,72 @@ class DriveOrder(NamedTuple):
     through_gate: bool
     lost: frozenset[Point] = frozenset()
     """Where the dead stand: nobody waits for them to leave."""
+    behind: frozenset[str] = frozenset()
+    """Names of the passages that the drive has behind it."""
+    via: str | None = None
+    """The passage at which the robot has asked for a turn: the drive leads through it if it can."""
 
 
-def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> Route:
-    """Return the route along `points` (two at least), with its gate if it is to pass the bottleneck."""
+def make_route(
+    arena: Arena, points: Sequence[Point], *, through_gate: bool, behind: frozenset[str] = frozenset()
+) -> Route:
+    """Return the route along `points` (two at least), with the gate of the first passage that it is to pass.
+
+    Passages that are `behind` the robot have no gate.
+    """
     at = [0.0]
     for a, b in pairwise(points):
         at.append(at[-1] + distance(*a, *b))
     route = Route(tuple(points), tuple(at))
-    mouths = arena.mouths if through_gate else ()
+    passages = [each for each in arena.passages if each.name not in behind] if through_gate else []
+    for passage in passages:
+        if _begins_within(arena, passage, route):
+            return gated_again(arena, passage, route)
+    gated = [found for passage in passages if (found := _gated(arena, passage, route)) is not None]
+    return min(gated, key=lambda found: found.gate_m or 0.0, default=route)
+
+
+def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
+    """Return `route` with the gate of `passage`; None if it does not pass it."""
+    mouths = passage.mouths
     passed = [route.project(*mouth, 0.0, route.length_m) for mouth in mouths]
-    if not passed:
-        return route
     way = passed.index(min(passed))
-    if _begins_within(arena, route):
-        return gated_again(arena, route)
     gate = passed[way]
     if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
-        return route
-    if len(mouths) == 1:
+        return None
+    if not passage.two_ended:
+        if not passage.by_event and route.length_m - gate < VIA_M:
+            return None  # it ends before the entrance, in the queue
         way = way_of(route.heading(gate + INTO_M))
-        return replace(route, gate_m=gate, clear_m=_end_of_narrow(arena, route, gate), way=way)
+        clear = _end_of_narrow(arena, route, gate)
+        return replace(route, gate_m=gate, clear_m=clear, way=way, passage=passage.name)
     if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M:
-        return route
-    clear = _clear_of(arena, route, gate)
-    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=_room(arena))
+        return None
+    clear = _clear_of(arena, passage, route, gate)
+    room = _room(arena, passage)
+    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=room, passage=passage.name)
 
 
-def _room(arena: Arena) -> float:
+def _room(arena: Arena, passage: FloorPassage) -> float:
     """Return what a robot that waits before a mouth leaves free for others."""
-    return 2.0 * arena.shape.radius + ROOM_M if len(arena.mouths) == 2 else 0.0
+    return 2.0 * arena.shape.radius + ROOM_M if passage.two_ended else 0.0
 
 
-def gated_again(arena: Arena, route: Route) -> Route:
-    """Return `route`, made anew inside the narrow section, with the gate behind its start."""
-    clear = _clear_of(arena, route, 0.0)
+def gated_again(arena: Arena, passage: FloorPassage, route: Route) -> Route:
+    """Return `route`, made anew inside `passage`, with the gate behind its start."""
+    clear = _clear_of(arena, passage, route, 0.0)
     way = way_of(route.heading(0.0))
-    if len(arena.mouths) == 2:
-        passed = [route.project(*mouth, 0.0, route.length_m) for mouth in arena.mouths]
+    if passage.two_ended:
+        passed = [route.project(*mouth, 0.0, route.length_m) for mouth in passage.mouths]
         way = passed.index(min(passed))
-    return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True, room_m=_room(arena))
+    room = _room(arena, passage)
+    return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True, room_m=room, passage=passage.name)
 
 
-def _clear_of(arena: Arena, route: Route, gate: float) -> float:
+def _clear_of(arena: Arena, passage: FloorPassage, route: Route, gate: float) -> float:
     """Return where the hull is out of what lies behind the gate; of two mouths also out of the one that follows."""
     end = _end_of_narrow(arena, route, gate)
-    for mouth in arena.mouths if len(arena.mouths) == 2 else ():
+    for mouth in passage.mouths if passage.two_ended else ():
         out = route.project(*mouth, gate, route.length_m)
         if out > gate + VIA_M and distance(*route.point(out), *mouth) <= EXIT_REACH_M:
             end = max(end, min(route.length_m, out + arena.shape.radius))
@@ -233,12 +255,12 @@ def _end_of_narrow(arena: Arena, route: Route, gate: float) -> float:
     return min(route.length_m, end + SCAN_M + radius)
 
 
-def _begins_within(arena: Arena, route: Route) -> bool:
-    """Return whether the narrow section behind one of the mouths reaches to where the route begins."""
+def _begins_within(arena: Arena, passage: FloorPassage, route: Route) -> bool:
+    """Return whether the narrow section behind one of the mouths of `passage` reaches to where the route begins."""
     start = route.points[0]
     if not _narrow(arena, route, 0.0):
         return False
-    for mouth in arena.mouths:
+    for mouth in passage.mouths:
         back = None if mouth == start else leader_route(arena, mouth, start, (), through_gate=False)
         narrow = back is not None and _narrow(arena, back, back.length_m)
         if back is not None and narrow and _end_of_narrow(arena, back, 0.0) >= back.length_m:
@@ -260,34 +282,40 @@ def _narrow(arena: Arena, route: Route, s: float) -> bool:
 
 
 def leader_route(
-    arena: Arena, start: Point, goal: Point, parked: Sequence[Point], *, through_gate: bool
+    arena: Arena,
+    start: Point,
+    goal: Point,
+    parked: Sequence[Point],
+    *,
+    through_gate: bool,
+    behind: frozenset[str] = frozenset(),
 ) -> Route | None:
     """Return the robot's own route by A*, or None when there is no way.
 
-    A route that passes the bottleneck goes through its very point, so that robots from all sides meet there and
-    nowhere before.
+    A route that has a gate goes through the very point of the entrance, so that robots from all sides meet there and
+    nowhere before. Passages that are `behind` the robot have none.
     """
     found = plan(arena, start, goal, parked)
     if found is None:
         return None
-    route = make_route(arena, found.points, through_gate=through_gate)
-    if route.gate_m is None or route.gate_m < VIA_M:
+    route = make_route(arena, found.points, through_gate=through_gate, behind=behind)
+    passage = arena.passage(route.passage)
+    if passage is None or route.gate_m is None or route.gate_m < VIA_M:
         return route
-    via = arena.mouth(route.way)
-    assert via is not None
+    via = passage.mouth(route.way)
     into = plan(arena, start, via, parked)
     out = plan(arena, via, goal, parked)
     if into is None or out is None or into.length_m + out.length_m > route.length_m + DETOUR_M:
         return route
-    return make_route(arena, [*into.points, *out.points[1:]], through_gate=True)
+    return make_route(arena, [*into.points, *out.points[1:]], through_gate=True, behind=behind)
 
 
 def queue_before(arena: Arena, start: Point) -> list[Point]:
-    """Return the nearer mouth's point and those places of its queue that are nearer to it than `start`."""
-    mouths = [area for name in arena.bottleneck if (area := arena.area(name)) is not None]
-    if not mouths:
+    """Return the nearest mouth's point and those places of its queue that are nearer to it than `start`."""
+    entrances = [area for passage in arena.passages for area in passage.entrances]
+    if not entrances:
         return []
-    area = min(mouths, key=lambda area: distance(*start, *area.places[0]))
+    area = min(entrances, key=lambda area: distance(*start, *area.places[0]))
     gate = area.places[0]
     own = distance(*start, *gate) - 0.5 * arena.shape.radius
     return [gate, *(place for place in area.queue if distance(*place, *gate) < own)]
@@ -313,17 +341,24 @@ def shared_part(arena: Arena, route: Route) -> GridPath | None:
     return None if found is None else found.path
 
 
-def follower_route(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> Route | None:
+def follower_route(
+    arena: Arena,
+    start: Point,
+    goal: Point,
+    parked: Sequence[Point],
+    shared: GridPath,
+    *,
+    behind: frozenset[str] = frozenset(),
+) -> Route | None:
     """Return the route along the leader's `shared` path, or by own A* when that does not serve."""
     middle = _usable(arena, start, goal, parked, shared)
-    if middle is None:
-        return leader_route(arena, start, goal, parked, through_gate=True)
-    into = _leg(arena, start, middle[0], parked)
-    out = _leg(arena, middle[-1], goal, parked)
-    if into is None or out is None:
-        return leader_route(arena, start, goal, parked, through_gate=True)
-    route = make_route(arena, [*into, *middle[1:-1], *out], through_gate=True)
-    return route if route.gate_m is not None else leader_route(arena, start, goal, parked, through_gate=True)
+    into = None if middle is None else _leg(arena, start, middle[0], parked)
+    out = None if middle is None else _leg(arena, middle[-1], goal, parked)
+    if middle is not None and into is not None and out is not None:
+        route = make_route(arena, [*into, *middle[1:-1], *out], through_gate=True, behind=behind)
+        if route.gate_m is not None:
+            return route
+    return leader_route(arena, start, goal, parked, through_gate=True, behind=behind)
 
 
 def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> list[Point] | None:
@@ -341,7 +376,8 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
-    via = [mouth for mouth in arena.mouths if distance(*points[0], *mouth) < GATE_REACH_M]
+    mouths = [mouth for passage in arena.passages for mouth in passage.mouths]
+    via = [mouth for mouth in mouths if distance(*points[0], *mouth) < GATE_REACH_M]
     if nearest == 0 and via:
         points[0] = via[0]
     return floor.pull(points)

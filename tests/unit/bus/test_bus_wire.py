@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmr.base import arena
-from rmr.base.arena import Area, Arena, Disc, Polygon
+from rmr.base.arena import Area, Arena, Disc, FloorPassage, Polygon
 from rmr.base.geometry import Point
 from rmr.base.time import NEVER, NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
@@ -83,10 +83,15 @@ def arrived(value):
     return tuple(map(arrived, value)) if isinstance(value, list | tuple) else value
 
 
+def passages_between(entrances):
+    """Return a passage with these entrances, or none."""
+    return (FloorPassage("door", tuple(entrances)),) if entrances else ()
+
+
 floors = st.builds(
     lambda obstacles, areas, beacons: arrived(
         arena.to_data(
-            Arena(9.0, 9.0, 0.05, tuple(obstacles), tuple(areas), tuple(beacons), tuple(one.name for one in areas[:2]))
+            Arena(9.0, 9.0, 0.05, tuple(obstacles), tuple(areas), tuple(beacons), passages_between(areas[:2]))
         )
     ),
     st.lists(discs | polygons, **lists),

@@ -58,7 +58,7 @@ def listed(folder):
     return [(Path(each["file"]).name, each["line"], each["severity"], each["message"]) for each in found], result
 
 
-@pytest.mark.parametrize("name", ["corridor", "dock", "formation", "hall", "testbed", "twoway"])
+@pytest.mark.parametrize("name", ["corridor", "dock", "formation", "hall", "testbed", "twoway", "warehouse"])
 def test_provided_lab_is_found_by_its_name_and_has_no_findings(name):
     result = check("--json", name)
     assert (result.exit_code, json.loads(result.stdout)) == (0, [])

@@ -10,9 +10,10 @@ import math
 from collections.abc import Mapping, Sequence
 from random import Random
 
-from rmr.base.arena import Area, Arena, Polygon
+from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
+from rmr.node.motion import forecast
 from rmr.node.motion.hazards import UNRANKED, HazardScene
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
@@ -34,7 +35,13 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
     return Polygon((Point(x0, y0), Point(x1, y0), Point(x1, y1), Point(x0, y1)))
 
 
+def bottleneck(*entrances: Area) -> tuple[FloorPassage, ...]:
+    """Return the passages of an arena whose only one is a bottleneck."""
+    return (FloorPassage(BOTTLENECK, entrances),)
+
+
 def testbed() -> Arena:
+    entry = Area("entry", (Point(0.5, 0.75),))
     slots = ((1.38, 1.38), (1.38, 0.12), (1.38, 1.14), (1.38, 0.36), (1.38, 0.90), (1.38, 0.60))
     return Arena(
         1.5,
@@ -42,10 +49,10 @@ def testbed() -> Arena:
         0.05,
         (box(0.6, 0.0, 0.9, 0.6), box(0.6, 0.9, 0.9, 1.5)),
         (
-            Area("entry", (Point(0.5, 0.75),)),
+            entry,
             Area("exit", tuple(Point(*s) for s in slots), slotted=True),
         ),
-        bottleneck=("entry",),
+        passages=bottleneck(entry),
     )
 
 
@@ -67,6 +74,7 @@ def safe_speed(v: float, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bo
 
 
 def corridor() -> Arena:
+    entry = Area("entry", (Point(1.1, 0.75),), queue=tuple(Point(1.1 - 0.2 * k, 0.75) for k in range(6)))
     slots = ((2.6, 1.35), (2.6, 0.15), (2.6, 1.11), (2.6, 0.39), (2.6, 0.87), (2.6, 0.63))
     return Arena(
         3.0,
@@ -74,10 +82,10 @@ def corridor() -> Arena:
         0.05,
         (box(1.2, 0.0, 1.8, 0.6), box(1.2, 0.9, 1.8, 1.5)),
         (
-            Area("entry", (Point(1.1, 0.75),), queue=tuple(Point(1.1 - 0.2 * k, 0.75) for k in range(6))),
+            entry,
             Area("exit", tuple(Point(*s) for s in slots), slotted=True),
         ),
-        bottleneck=("entry",),
+        passages=bottleneck(entry),
     )
 
 
@@ -242,7 +250,7 @@ class Stream:
             ok = body.nav.go(bench.now, body.estimate, goal, parked=parked, shared=self.shared, through_gate=True)
             assert ok, f"robot {body.robot} finds no way"
             if self.shared is None:
-                self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
+                self.shared = forecast.shared_path(body.nav.arena, body.estimate, self.goals[body.robot])
             release = max(bench.time + self.LEAD_S, bench.time + in_seconds(body.nav.eta_gate()))
             last = max(release, last + self.headway_s)
             self.slots[body.robot] = last
@@ -353,7 +361,7 @@ class QueueStream(Stream):
 
     def _slot(self, rank: int, body: Body) -> None:
         """Give the slot, from the time that the way to the gate takes."""
-        estimate = body.nav.estimate(body.estimate, self.places[rank])
+        estimate = forecast.estimate(body.nav.arena, body.estimate, self.places[rank])
         assert estimate is not None
         self.approach[body.robot] = in_seconds(estimate.approach)
         release = self.bench.time + max(self.LEAD_S, self.approach[body.robot])
@@ -371,7 +379,7 @@ class QueueStream(Stream):
         )
         assert ok, "no way from the queue"
         if self.shared is None:
-            self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
+            self.shared = forecast.shared_path(body.nav.arena, body.estimate, self.goals[body.robot])
 
     def rank(self, body: Body) -> int:
         return 1 + self.order.index(body)

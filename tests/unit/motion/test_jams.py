@@ -6,7 +6,7 @@ from itertools import combinations
 import bench
 import pytest
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import BOTTLENECK, Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
@@ -22,13 +22,14 @@ from rmr.node.motion.standoff.refuge import Side, paths_of, retreat_route, side_
 from rmr.node.ports import SeenBody
 from rmr.vm.job import TimedJob
 
+WEST, EAST = Area("west", (Point(1.2, 0.75),)), Area("east", (Point(1.8, 0.75),))
 ARENA = Arena(
     3.0,
     1.5,
     0.05,
     (bench.box(1.2, 0.0, 1.8, 0.6), bench.box(1.2, 0.9, 1.8, 1.5)),
-    (Area("west", (Point(1.2, 0.75),)), Area("east", (Point(1.8, 0.75),))),
-    bottleneck=("west", "east"),
+    (WEST, EAST),
+    passages=bench.bottleneck(WEST, EAST),
 )
 RADIUS = ARENA.shape.radius
 START, GOAL, OTHER = Point(1.04, 0.73), Point(2.55, 0.15), Point(0.985, 0.578)
@@ -86,7 +87,8 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     assert navigator.aside is walks
     assert navigator.passed_gate is not walks
     job = TimedJob(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
-    crossing = Crossing(job, b"group.", 0, None, Inside(now, None), CrossingPlan(gated=True), entered_at=now)
+    plan = CrossingPlan(gated=True, passage=BOTTLENECK)
+    crossing = Crossing(job, b"group.", b"group.", 0, None, Inside(now, None), plan, entered_at=now)
     gives_up = Withdraw() in crossing.step(now, inside(navigator, crossing, at, None))
     assert gives_up is walks, "others wait for an entry that is not used"
 

@@ -17,17 +17,18 @@ from rmr.node.motion.standoff.refuge import clearing_spot
 
 MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))
 LEFT, RIGHT = Point(0.45, 0.15), Point(2.55, 1.35)
+WEST, EAST = Area("west", MOUTHS[:1]), Area("east", MOUTHS[1:])
 TWOWAY = Arena(
     3.0,
     1.5,
     0.05,
     (bench.box(1.2, 0.0, 1.8, 0.6), bench.box(1.2, 0.9, 1.8, 1.5)),
     (
-        Area("west", MOUTHS[:1]),
-        Area("east", MOUTHS[1:]),
+        WEST,
+        EAST,
         Area("right", (Point(2.85, 0.15), Point(1.95, 0.15)), slotted=True),
     ),
-    bottleneck=("west", "east"),
+    passages=bench.bottleneck(WEST, EAST),
 )
 RADIUS = TWOWAY.shape.radius
 
@@ -142,7 +143,7 @@ def test_a_corner_that_is_narrow_is_no_bottleneck():
 
 def test_a_leader_shares_a_path_for_each_way():
     approach = Approach(Navigator(TWOWAY, 1))
-    paths = approach.shared(Pose(*LEFT, 0.0), RIGHT, 0)
+    paths = approach.shared(Pose(*LEFT, 0.0), RIGHT, TWOWAY.passages[0], 0)
     assert sorted(paths) == [0, 1]
     for way, (start, goal) in enumerate([(LEFT, RIGHT), (RIGHT, LEFT)]):
         path = paths[way]
@@ -153,7 +154,7 @@ def test_a_leader_shares_a_path_for_each_way():
 
 
 def test_departures_are_measured_from_the_mouth_of_the_way():
-    eastward, westward = (departures(TWOWAY, "right", way) for way in (0, 1))
+    eastward, westward = (departures(TWOWAY, TWOWAY.passages[0].mouth(way), "right") for way in (0, 1))
     assert eastward[0] > eastward[1]
     assert eastward[1] - westward[1] == pytest.approx(0.6, abs=0.05)
 

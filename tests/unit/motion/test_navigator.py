@@ -10,6 +10,7 @@ import pytest
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
+from rmr.node.motion import forecast
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
@@ -112,7 +113,7 @@ def test_a_robot_that_waits_for_its_time_is_parked_and_one_that_has_left_is_not(
 @pytest.mark.parametrize("start", bench.TESTBED_STARTS)
 def test_what_is_left_of_the_way_to_the_gate_falls_as_time_goes(start):
     world, body, nav = alone(start)
-    estimate = nav.estimate(body.estimate, EXIT)
+    estimate = forecast.estimate(nav.arena, body.estimate, EXIT)
     assert estimate is not None
     due = in_seconds(estimate.approach)
     nav.go(0, body.estimate, EXIT, through_gate=True)
@@ -127,7 +128,7 @@ def test_what_is_left_of_the_way_to_the_gate_falls_as_time_goes(start):
 def test_the_estimate_is_what_the_drive_then_takes():
     for start in bench.TESTBED_STARTS:
         world, body, nav = alone(start)
-        estimate = nav.estimate(body.estimate, EXIT)
+        estimate = forecast.estimate(nav.arena, body.estimate, EXIT)
         assert estimate is not None
         nav.go(0, body.estimate, EXIT, through_gate=True)
         nav.gate(None, True)
@@ -140,8 +141,7 @@ def test_the_estimate_is_what_the_drive_then_takes():
 
 
 def test_the_estimate_of_a_drive_without_gate_is_its_length():
-    nav = Navigator(ROOM, 1)
-    estimate = nav.estimate(Pose(0.3, 0.3, 0.0), Point(1.3, 0.3))
+    estimate = forecast.estimate(ROOM, Pose(0.3, 0.3, 0.0), Point(1.3, 0.3))
     assert estimate is not None
     assert in_seconds(estimate.approach) == pytest.approx(5.15, abs=0.1)
     assert estimate.inside == 0

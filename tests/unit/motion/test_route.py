@@ -143,7 +143,7 @@ def test_a_follower_that_waits_at_the_entry_does_not_drive_back():
 def test_a_route_made_anew_inside_the_corridor_still_knows_where_it_ends():
     route = leader_route(TESTBED, Point(0.7, 0.75), EXITS[0], (), through_gate=False)
     assert route is not None
-    again = gated_again(TESTBED, route)
+    again = gated_again(TESTBED, TESTBED.passages[0], route)
     assert again.gate_m == 0.0
     assert 0.9 <= again.point(again.clear_m).x < 1.05
 

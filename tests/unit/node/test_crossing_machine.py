@@ -71,7 +71,7 @@ def test_phases_events_and_transitions_are_those_of_the_table():
 
 @pytest.mark.parametrize(("phase", "event"), list(product(PHASES, EVENTS)), ids=lambda one: one.__name__)
 def test_each_event_of_coordination_has_a_row_or_is_ignored_or_reported_in_each_phase(phase, event):
-    one = Crossing(job(), b"group.", 0, None, in_phase(phase))
+    one = Crossing(job(), b"group.", b"group.", 0, None, in_phase(phase))
     commands = one.handle(0, event_of(event), Situation())
     if (phase, event) in TRANSITIONS:
         assert type(one.phase) is TRANSITIONS[phase, event]
@@ -85,7 +85,7 @@ def test_each_event_of_coordination_has_a_row_or_is_ignored_or_reported_in_each_
 def test_each_phase_ends_by_the_robots_own_events_as_the_table_says():
     for (phase, event), then in TRANSITIONS.items():
         if isinstance(event, OwnEvent):
-            one = Crossing(job(), b"group.", 0, None, in_phase(phase), beyond=event is OwnEvent.EXCUSED)
+            one = Crossing(job(), b"group.", b"group.", 0, None, in_phase(phase), beyond=event is OwnEvent.EXCUSED)
             match event:
                 case OwnEvent.REQUESTED:
                     one.step(0, Situation(may_ask=True))
@@ -186,7 +186,9 @@ def happen(rng: Random, now: int, one: Crossing, live: set[bytes]):
 @pytest.mark.parametrize("seed", range(50))
 def test_two_crossings_of_one_robot_keep_to_the_table_and_apart_whatever_happens(seed):
     rng, ledger, now, seen = Random(f"crossing/{seed}"), Ledger(), 0, set()
-    crossings = [Crossing(job(serial), group_id, 0, None) for serial, group_id in enumerate([b"first.", b"other."])]
+    crossings = [
+        Crossing(job(serial), group_id, group_id, 0, None) for serial, group_id in enumerate([b"first.", b"other."])
+    ]
     for _ in range(400):
         now += milliseconds(rng.randrange(400))
         one, other = rng.sample(crossings, 2)

@@ -32,7 +32,7 @@ def crossing(start_s: float = 0.0, approach_s: float = 2.0) -> Crossing:
     """Return the gated crossing of a robot with a slot at `start_s`."""
     job = TimedJob(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(20.0), (), Robot(1))
     plan = CrossingPlan(gated=True, approach=seconds(approach_s), after=seconds(3))
-    return Crossing(job, GROUP, 0, None, Slotted(seconds(start_s), 0), plan)
+    return Crossing(job, GROUP, GROUP, 0, None, Slotted(seconds(start_s), 0), plan)
 
 
 def revision(commands) -> Revise | None:
@@ -194,10 +194,10 @@ def test_an_entrance_is_where_nobody_gets_past_a_robot(lab, goal, place, keeps_o
     area = arena.area(goal)
     assert area is not None
     navigator, pose = Navigator(arena, 1), Pose(place.x, place.y, 0.0)
-    assert not in_entrance(navigator, area, None, gated=True), "it does not know where it is"
-    assert in_entrance(navigator, area, pose, gated=True) is keeps_out, "it has not set out"
+    assert not in_entrance(navigator, navigator.arena.passages[0], area, None), "it does not know where it is"
+    assert in_entrance(navigator, navigator.arena.passages[0], area, pose) is keeps_out, "it has not set out"
     assert navigator.go(0, pose, area.places[0], through_gate=True)
-    assert in_entrance(navigator, area, pose, gated=True) is keeps_out
+    assert in_entrance(navigator, navigator.arena.passages[0], area, pose) is keeps_out
 
 
 @pytest.mark.parametrize(("step_m", "stuck"), [(0.0, True), (0.02, True), (0.2, False)])
@@ -234,7 +234,7 @@ def test_a_robot_that_stands_inside_knows_it_whatever_its_heading_is(lab, goal, 
     area = arena.area(goal)
     assert area is not None
     for theta in (0.0, math.pi / 2, math.pi):
-        assert stands_within(arena, area, Pose(place.x, place.y, theta)) is within
+        assert stands_within(arena, arena.passages[0], area, Pose(place.x, place.y, theta)) is within
 
 
 @pytest.mark.parametrize(
@@ -253,12 +253,14 @@ def test_a_robot_that_stands_inside_knows_it_whatever_its_heading_is(lab, goal, 
 )
 def test_a_robot_that_begins_where_others_come_out_obstructs_the_exit(x, y, in_way):
     arena = load_lab(LABS / "twoway").arena
-    assert obstructs_exit(arena, arena.area("left"), Pose(x, y, -2.8)) is in_way
+    assert obstructs_exit(arena, arena.passages[0], arena.area("left"), Pose(x, y, -2.8)) is in_way
 
 
 def test_no_exit_is_obstructed_at_a_one_way_bottleneck():
     arena = load_lab(LABS / "testbed").arena
-    assert not any(obstructs_exit(arena, arena.area("exit"), Pose(0.02 * k, 0.75, 0.0)) for k in range(1, 30))
+    assert not any(
+        obstructs_exit(arena, arena.passages[0], arena.area("exit"), Pose(0.02 * k, 0.75, 0.0)) for k in range(1, 30)
+    )
 
 
 def test_a_robot_that_obstructs_an_exit_sets_out_before_its_slot_is_near():

@@ -41,7 +41,7 @@ def test_run_has_floor_program_and_report(browser, report):
         "corridor", "simulated", [1, 2, 3], False, False
     )  # fmt: skip
     assert run["problems"] == []
-    assert run["floor"]["bottleneck"] == ["entry"]
+    assert run["floor"]["passages"] == [["bottleneck", ["entry"]]]
     assert run["program"]["name"] == "corridor.rmr"
     assert "time" in run["program"]["source"]
     assert run["report"] == report

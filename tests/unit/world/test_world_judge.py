@@ -66,7 +66,7 @@ def told(folder: Path) -> tuple[list[str], list[str]]:
     return [], [warning.replace(f"{folder}/", "") for warning in warnings if "lab.yaml" in warning]
 
 
-@pytest.mark.parametrize("name", ["corridor", "testbed", "hall", "twoway", "formation", "dock"])
+@pytest.mark.parametrize("name", ["corridor", "testbed", "hall", "twoway", "formation", "dock", "warehouse"])
 def test_the_labs_of_this_repository_are_fine(name):
     lab = load_lab(LABS / name)
     assert validated(lab, load_lab_program(lab)).warnings == ""

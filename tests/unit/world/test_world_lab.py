@@ -25,7 +25,7 @@ def test_the_corridor_lab_is_that_of_the_paper_s_figure_1():
     assert lab.roster == (1, 2, 3, 4, 5, 6)
     assert [place.x for place in lab.arena.area("entry").queue] == [1.1, 0.9, 0.7, 0.5, 0.3, 0.1]
     assert len(lab.arena.area("exit").places) == 6
-    assert lab.arena.bottleneck == ("entry",)
+    assert [[area.name for area in passage.entrances] for passage in lab.arena.passages] == [["entry"]]
 
 
 def test_the_testbed_lab_has_thirty_by_thirty_cells():

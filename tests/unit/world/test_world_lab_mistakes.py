@@ -79,7 +79,7 @@ MISTAKES = [
     ("bottleneck: entri\nareas: {entry: {at: [1, 1]}}", "6:13: bottleneck: area 'entri' is not defined; did you mean"),
     (
         "bottleneck: {mouths: [entry]}\nareas: {entry: {at: [1, 1]}}",
-        "6:13: bottleneck: mouths should name two areas; for one entry write `bottleneck: entry`",
+        "6:13: bottleneck: mouths should name two areas; for one entry write its name alone: entry",
     ),
     ("bottleneck: {mouths: []}", "6:22: bottleneck.mouths: should have at least 1 item"),
     ("facts: ['due(@1, 5)', 'due(@2, 5)']", "6:23: facts.1: robot 2 is not in this lab"),

@@ -1,11 +1,13 @@
 """Phase 4, exclusion: what a program makes an event of, and robots do without excluding each other.
 
 An event of a time assertion excludes its own jobs from each other: in the bottleneck if their drives pass that, else
-for their whole drives. These rules warn where that leaves robots of a scheduled assertion without turns.
+for their whole drives. Passages with names of their own exclude all that drive through. These
+rules warn where that leaves robots of a scheduled assertion without turns.
 """
 
 from collections.abc import Iterable, Iterator
 
+from rmr.base.arena import BOTTLENECK
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Assertion, Program
 from rmr_world.finding import FilePath, Finding
@@ -18,6 +20,9 @@ from rmr_world.validate.schedulability import served_by_moveto
 
 def passage_not_exclusive(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a narrow passage that robots of a scheduled assertion pass without turns that cover it."""
+    if lab.arena.has_shared_passages:
+        yield from _without_name(lab, program)
+        return
     if not any(served_by_moveto(program, each) for each in program.assertions):
         return
     if any(drive.job is not None for drive in first_drives(lab, program)):
@@ -38,8 +43,8 @@ def turn_cut_to_bottleneck(lab: Lab, program: Program) -> Iterator[Finding]:
         if drive is not None:
             actions = " and ".join(further)
             message = (
-                f"a turn of {_told(drive.event)} is a passage of the bottleneck and ends behind it, since the drive of "
-                f"robot {drive.robot} to '{drive.goal.name}' passes it: {actions}, which waits for the turn too, "
+                f"a turn of {_told(drive.event)} is a passage of {_named(drive)} and ends behind it, since the drive "
+                f"of robot {drive.robot} to '{drive.goal.name}' passes it: {actions}, which waits for the turn too, "
                 f"excludes nobody; name no area here that such a drive passes, or make {actions} an event of its own"
             )
             yield lab.warning(named[0].path, message)
@@ -59,6 +64,16 @@ def _several_events(lab: Lab, use: PassageUse) -> Iterator[Finding]:
             f"the assertion's finish fact what tells them apart, or let one assertion hold all of these drives"
         )
         yield lab.warning(_path(use), message)
+
+
+def _without_name(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of narrow passages without a name beside passages that have one and take turns."""
+    for use in passage_uses(lab, program):
+        if use.named is None and _meet(use.drives):
+            message = (
+                f"{_where(use)} is not exclusive: drives go through it without turns; name its ends under passages"
+            )
+            yield lab.warning(_path(use), message)
 
 
 def _turns_elsewhere(lab: Lab, use: PassageUse) -> Iterator[Finding]:
@@ -88,6 +103,11 @@ def _cut_short(lab: Lab, program: Program, drive: FirstDrive, assertion: Asserti
     """Return whether the turn by which `drive` goes ends before the robot is at its goal for a further action."""
     own = drive.gated and drive.job is not None and program.assertions[drive.job.assertion] is assertion
     return own and not is_in_narrow(narrow_places(lab.arena), drive.goal.places[0])
+
+
+def _named(drive: FirstDrive) -> str:
+    passage = drive.route.passage
+    return "the bottleneck" if passage in (None, BOTTLENECK) else f"'{passage}'"
 
 
 def _where(use: PassageUse) -> str:

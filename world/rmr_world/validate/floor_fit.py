@@ -1,12 +1,14 @@
-"""Phase 2, fit of the floor: robots, areas, queues, beacons and bottleneck against walls, obstacles and one another.
+"""Phase 2, fit of the floor: robots, areas, queues, beacons and passages against walls, obstacles and one another.
 
 Each check takes the draft of the lab and yields the errors of one rule.
 """
 
 from collections.abc import Iterator, Sequence
 
+from rmr.base.arena import BOTTLENECK, FloorPassage
 from rmr.base.geometry import Point, distance
 from rmr.node.motion.grid import TIGHT_MARGIN_M
+from rmr.node.motion.route import ROOM_M
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab_geometry import overlaps
 from rmr_world.units import ROBOTS_MAX
@@ -61,19 +63,57 @@ def places_apart(draft: LabDraft) -> Iterator[Finding]:
         yield from _apart(draft, ("areas", name, "queue", "spacing"), area.queue)
 
 
-def bottleneck_defined(draft: LabDraft) -> Iterator[Finding]:
-    """The areas at the ends of the bottleneck are in the file."""
-    for name in draft.arena.bottleneck:
-        if name not in draft.area_names:
-            yield draft.error(("bottleneck",), draft.undefined_area(name))
+def passages_defined(draft: LabDraft) -> Iterator[Finding]:
+    """The areas at the ends of the passages are in the file; there is a bottleneck, or passages with names."""
+    for path, (name, mouths) in draft.entrances.items():
+        for mouth in mouths:
+            if mouth not in draft.area_names:
+                yield draft.error(path, draft.undefined_area(mouth))
+        if path[0] == "passages" and (name == BOTTLENECK or draft.spec.bottleneck is not None):
+            message = "a lab has a bottleneck or passages: give the bottleneck another name, under passages"
+            yield draft.error(path, message)
 
 
-def bottleneck_ends_apart(draft: LabDraft) -> Iterator[Finding]:
-    """The two ends of the bottleneck are two places."""
+def passage_ends_apart(draft: LabDraft) -> Iterator[Finding]:
+    """The two ends of a passage are two places."""
+    for path, (name, _) in draft.entrances.items():
+        passage = draft.arena.passage(name)
+        if passage is None or not passage.two_ended:
+            continue
+        one, other = passage.mouths
+        if distance(*one, *other) < 2 * draft.arena.shape.radius:
+            yield draft.error(path, "its two mouths are closer than a robot is wide")
+
+
+def passages_apart(draft: LabDraft) -> Iterator[Finding]:
+    """Robots that wait before an entrance stand in the way of none that use another passage."""
     arena = draft.arena
-    places = [area.places[0] for name in arena.bottleneck if (area := arena.area(name)) is not None]
-    if len(places) == 2 and distance(*places[0], *places[1]) < 2 * arena.shape.radius:
-        yield draft.error(("bottleneck",), "its two mouths are closer than a robot is wide")
+    # What a robot that waits leaves free for one that comes out (`rmr.node.motion.route`), and its own hull.
+    wait_m = 4.0 * arena.shape.radius + ROOM_M
+    for number, passage in enumerate(arena.passages):
+        for other in arena.passages[:number]:
+            for way, one in enumerate(passage.mouths):
+                for its_way, two in enumerate(other.mouths):
+                    faces = _faces(passage, way, two) and _faces(other, its_way, one)
+                    apart_m = 2.0 * wait_m if faces else wait_m
+                    gap_m = distance(*one, *two)
+                    if gap_m < apart_m:
+                        remedy = "make one of them, with mouths at the outer ends" if faces else "make them one passage"
+                        message = (
+                            f"'{passage.entrances[way].name}' is {gap_m:.2f} m from '{other.entrances[its_way].name}' "
+                            f"of passage '{other.name}'; robots that wait there need {apart_m:.2f} m: {remedy}"
+                        )
+                        yield draft.error(("passages", passage.name), message)
+
+
+def _faces(passage: FloorPassage, way: int, point: Point) -> bool:
+    """Return whether `point` lies straight before the entrance for `way`, within 60 degrees."""
+    if not passage.two_ended:
+        return False
+    mouth = passage.mouth(way)
+    end = passage.mouth(1 - way)
+    ahead = (point.x - mouth.x) * (mouth.x - end.x) + (point.y - mouth.y) * (mouth.y - end.y)
+    return ahead > 0.5 * distance(*point, *mouth) * distance(*mouth, *end)
 
 
 def robot_count(draft: LabDraft) -> Iterator[Finding]:
@@ -165,8 +205,9 @@ CHECKS = (
     beacons_in_arena,
     areas_in_arena,
     places_apart,
-    bottleneck_defined,
-    bottleneck_ends_apart,
+    passages_defined,
+    passage_ends_apart,
+    passages_apart,
     robot_count,
     robots_start_free,
 )

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from rmr.base.arena import Area, Arena, Obstacle, Polygon, RobotShape
+from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage, Obstacle, Polygon, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
@@ -119,8 +119,25 @@ class LabDraft:
             shape=shape,
             areas=tuple(area for _, area in self.areas.values()),
             beacons=self._beacons(),
-            bottleneck=() if spec.bottleneck is None else tuple(spec.bottleneck.mouths),
+            passages=self._passages(),
             stations=self._stations(shape),
+        )
+
+    @property
+    def entrances(self) -> dict[FilePath, tuple[str, list[str]]]:
+        """The name and the areas at the entrances of each passage, by the path of its key."""
+        spec = self.spec
+        found: dict[FilePath, tuple[str, list[str]]] = {}
+        if spec.bottleneck is not None:
+            found["bottleneck",] = BOTTLENECK, spec.bottleneck.mouths
+        return found | {("passages", name): (name, each.mouths) for name, each in spec.passages.items()}
+
+    def _passages(self) -> tuple[FloorPassage, ...]:
+        """Return the passages whose entrances are areas of the file."""
+        return tuple(
+            FloorPassage(name, tuple(self.areas[mouth][1] for mouth in mouths))
+            for name, mouths in self.entrances.values()
+            if all(mouth in self.areas for mouth in mouths)
         )
 
     def _stations(self, shape: RobotShape) -> tuple[tuple[str, int], ...]:

@@ -7,10 +7,10 @@ from rmr_world.finding import Finding
 from rmr_world.lab import Lab
 from rmr_world.validate import (
     area_capacity,
-    bottleneck_use,
     deadline_feasibility,
     exclusion,
     lab_lint,
+    passages_passed,
     program_fit,
     reachability,
     schedulability,
@@ -23,7 +23,7 @@ FEASIBILITY = (
     *lab_lint.CHECKS,
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
-    *bottleneck_use.CHECKS,
+    *passages_passed.CHECKS,
     *exclusion.CHECKS,
     *schedulability.CHECKS,
 )

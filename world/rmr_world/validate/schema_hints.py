@@ -40,7 +40,8 @@ def hint(path: FilePath, kind: str, given: object) -> str:
         return _number(path, key, given)
     if kind == "string_type":
         return '; a fact is text: "due(@1, 25)"' if path[0] == "facts" else "; write text"
-    if path == ("bottleneck",) and kind in {"model_type", "dict_type"}:
+    passage = path == ("bottleneck",) or (len(path) == 2 and path[0] == "passages")
+    if passage and kind in {"model_type", "dict_type"}:
         return "; name an area, or {mouths: [west, east]}"
     return ""
 

@@ -42,16 +42,16 @@ def stations_apart(draft: LabDraft) -> Iterator[Finding]:
                 yield draft.error(("areas", queued, "queue"), message)
 
 
-def stations_without_bottleneck(draft: LabDraft) -> Iterator[Finding]:
-    """A lab has stations or a bottleneck: a drive by the turn of a station passes a bottleneck without one."""
-    if draft.spec.stations and draft.arena.bottleneck:
-        message = (
-            "a lab with a bottleneck has no stations: a robot drives into a station without a turn at the bottleneck"
-        )
+def stations_without_passages(draft: LabDraft) -> Iterator[Finding]:
+    """A lab has stations or passages: a drive by the turn of a station passes a passage without one."""
+    if draft.spec.stations and draft.entrances:
+        what = "a bottleneck" if draft.spec.bottleneck is not None else "passages"
+        where = "the bottleneck" if draft.spec.bottleneck is not None else "a passage"
+        message = f"a lab with {what} has no stations: a robot drives into a station without a turn at {where}"
         yield draft.error(("stations",), message)
 
 
-CHECKS = (stations_defined, stations_have_places, stations_apart, stations_without_bottleneck)
+CHECKS = (stations_defined, stations_have_places, stations_apart, stations_without_passages)
 """The rules of the stations."""
 
 

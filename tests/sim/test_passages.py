@@ -1,0 +1,186 @@
+"""Passages that all robots share: who drives through takes turns, whatever the event, and several in a row."""
+
+from pathlib import Path
+
+import pytest
+from lab_maker import traced
+
+from rmr.base.geometry import Point
+from rmr.base.time import in_seconds, seconds
+from rmr.node.motion.keep_right import gated_route
+from rmr_sim.run_setup import prepare
+from rmr_sim.simulation_api import simulate
+
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
+
+PROGRAM = """
+type action moveto(R: robot, A: area) -o at(R, A) else stuck(R, A).
+type sensor at(robot, area).
+type !goes(robot, area).
+type !due(robot, float).
+start(R).
+{assertion}
+start(R), goes(R, A), due(R, D) -o want(R, A, D).
+want(R, A, D) -o moveto(R, A) then there(R).
+"""
+WATCHED = 'trip: watch(want(R, A, D), there(R), D, say(R, "late")).'
+
+LAB = """
+lab: aisles
+program: aisles.rmr
+seed: 1
+duration: 90s
+finish: there(R)
+arena: {{size: [{width}, 2.4], cell: 0.05}}
+obstacles:
+{walls}
+areas:
+  left: {{slots: [[0.2, 0.3], [0.2, 0.8], [0.2, 1.6], [0.2, 2.1]]}}
+  right: {{slots: [[{right}, 0.3], [{right}, 0.8], [{right}, 1.6], [{right}, 2.1]]}}
+{areas}
+passages:
+{passages}
+robots:
+{robots}
+facts: [{facts}]
+localisation: {{sigma: 0.005}}
+{faults}
+"""
+ONE = {"a": (1.0, (1.2,))}
+"""Passages of one wall: its left edge, and the middle of each gap, metres."""
+
+
+def aisles(folder, walls, ways, *, due=None, program=WATCHED, faults=""):
+    """Return a started simulation of walls 0.6 m thick with gaps, and robots that go "right" or "left"."""
+    width = 2.0 + max(x for x, _ in walls.values())
+    boxes, areas, passages = [], [], []
+    for name, (x, gaps) in walls.items():
+        edges = [0.0, *(edge for gap in gaps for edge in (gap - 0.15, gap + 0.15)), 2.4]
+        boxes += [f"  - {{box: [{x}, {a}, {x + 0.6}, {b}]}}" for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        for number, gap in enumerate(gaps):
+            here = f"{name}{number}"
+            areas += [f"  {here}w: {{at: [{x}, {gap}]}}", f"  {here}e: {{at: [{x + 0.6}, {gap}]}}"]
+            passages.append(f"  {here}: {{mouths: [{here}w, {here}e]}}")
+    rows = {"right": [0.2, 0], "left": [width - 0.2, 0]}
+    robots = []
+    for robot, way in enumerate(ways, 1):
+        x, taken = rows[way]
+        rows[way][1] += 1
+        robots.append(
+            f"  - {{id: {robot}, pose: [{x}, {[0.3, 0.8, 1.6, 2.1][taken]}, {'0deg' if x < 1 else '180deg'}]}}"
+        )
+    facts = [f'"goes(@{robot}, {way})"' for robot, way in enumerate(ways, 1)]
+    facts += [f'"due(@{robot}, {(due or {}).get(robot, 80)})"' for robot in range(1, len(ways) + 1)]
+    text = LAB.format(
+        width=width, right=width - 0.2, walls="\n".join(boxes), areas="\n".join(areas), passages="\n".join(passages),
+        robots="\n".join(robots), facts=", ".join(facts), faults=faults,
+    )  # fmt: skip
+    (folder / "aisles.rmr").write_text(PROGRAM.format(assertion=program))
+    (folder / "lab.yaml").write_text(text)
+    return prepare(folder, seed=1)
+
+
+def spans(simulation):
+    """Return who was in each passage from when to when, in order of entry: passage, robot, from and to in seconds."""
+    found = []
+    for entry in simulation.trace():
+        if entry["what"] in ("entered", "left"):
+            for span in found:  # one that entered, was restarted there and entered again was inside all the time
+                if span[:2] == [entry["event"], entry["robot"]]:
+                    span[3] = min(span[3], entry["t"])
+        if entry["what"] == "entered":
+            found.append([entry["event"], entry["robot"], entry["t"], 1e9])
+    return found
+
+
+def opposed(simulation, ways):
+    """Return the pairs that were in one passage in opposite directions at one time."""
+    entries = spans(simulation)
+    pairs = [(a, b) for k, a in enumerate(entries) for b in entries[:k] if a[0] == b[0]]
+    return [(a, b) for a, b in pairs if ways[a[1] - 1] != ways[b[1] - 1] and a[2] < b[3] and b[2] < a[3]]
+
+
+@pytest.mark.parametrize("program", ["", WATCHED])
+def test_drives_take_turns_with_and_without_a_job(tmp_path, program):
+    ways = ["right", "left", "right", "left"]
+    simulation = aisles(tmp_path, ONE, ways, program=program)
+    assert simulation.run()
+    assert sorted((span[0], span[1]) for span in spans(simulation)) == [("a0", robot) for robot in (1, 2, 3, 4)]
+    assert opposed(simulation, ways) == []
+
+
+def test_the_job_that_is_due_first_goes_first(tmp_path):
+    simulation = aisles(tmp_path, ONE, ["right", "left"], due={1: 60, 2: 18})
+    assert simulation.run()
+    assert next(span[1] for span in spans(simulation)) == 2
+
+
+def test_jobs_of_different_events_exclude_each_other(tmp_path):
+    ways = ["right", "left", "right", "left"]
+    program = 'trip: assert(want(R, A, D), at(R, A), D, say(R, "late")).'  # one event for each side
+    simulation = aisles(tmp_path, ONE, ways, program=program)
+    assert simulation.run()
+    assert len(spans(simulation)) == 4
+    assert opposed(simulation, ways) == []
+
+
+def test_a_drive_through_two_passages_takes_a_turn_at_each(tmp_path):
+    ways = ["right", "left", "right"]
+    simulation = aisles(tmp_path, {"a": (1.0, (1.2,)), "b": (2.8, (1.2,))}, ways)
+    assert simulation.run()
+    for robot, order in ((1, ["a0", "b0"]), (2, ["b0", "a0"]), (3, ["a0", "b0"])):
+        own = [span for span in spans(simulation) if span[1] == robot]
+        assert [span[0] for span in own] == order
+        assert own[0][3] <= own[1][2], "it asks at the second as it comes out of the first"
+    assert opposed(simulation, ways) == []
+
+
+def test_robots_of_opposite_directions_take_different_aisles(tmp_path):
+    ways = ["right", "left", "right", "left"]
+    simulation = aisles(tmp_path, {"a": (1.0, (1.0, 1.4))}, ways)
+    assert simulation.run()
+    assert {(span[0], ways[span[1] - 1]) for span in spans(simulation)} == {("a0", "right"), ("a1", "left")}
+
+
+def test_a_robot_does_not_drive_farther_than_a_passage_is_long_to_keep_right(tmp_path):
+    arena = aisles(tmp_path, {"a": (1.0, (0.4, 2.0))}, ["right"]).lab.arena
+    for start, goal, passage in (
+        (Point(0.2, 2.1), Point(2.8, 2.1), "a1"),
+        (Point(0.2, 1.3), Point(2.8, 1.3), "a0"),
+        (Point(2.8, 1.1), Point(0.2, 1.1), "a1"),
+    ):
+        route = gated_route(arena, start, goal, ())
+        assert route is not None
+        assert route.passage == passage
+
+
+def test_a_robot_restarted_in_a_passage_is_inside_at_once(tmp_path):
+    ways = ["right", "left"]
+    simulation = aisles(
+        tmp_path, ONE, ways, due={1: 20, 2: 60}, faults="faults: [{kill: 1, at: 9s}, {restart: 1, at: 10s}]"
+    )
+    assert simulation.run()
+    assert [
+        entry["t"] > 10.0 and entry["cautious"] for entry in traced(simulation, "entered") if entry["robot"] == 1
+    ] == [
+        False,
+        True,
+    ]
+    assert opposed(simulation, ways) == []
+
+
+def test_next_turn_is_asked_for_as_a_robot_comes_out(tmp_path):
+    simulation = aisles(tmp_path, {"a": (1.0, (1.2,)), "b": (2.8, (1.2,))}, ["right"])
+    assert simulation.run()
+    first, second = spans(simulation)
+    assert second[2] - first[3] < 10.0
+    assert in_seconds(simulation.now) < 40.0
+    assert simulation.now > seconds(10)
+
+
+@pytest.mark.slow
+def test_the_warehouse_finishes_without_contact():
+    """Two robots that stood 2 cm apart in the open touched when one of them set out."""
+    run = simulate(LABS / "warehouse", seed=18)
+    assert run.finished
+    assert run.report["violations"] == []

@@ -1,0 +1,104 @@
+"""Several passages: which gate a route has, which one a turn opens, and what follows behind it."""
+
+import bench
+import pytest
+
+from rmr.base.arena import Area, Arena, FloorPassage
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import seconds
+from rmr.node.motion.gate import EntryGate
+from rmr.node.motion.keep_right import gated_route
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import leader_route
+
+
+def area(name, x, y):
+    return Area(name, (Point(x, y),))
+
+
+ENDS = {
+    name: (area(f"{name}_w", x, 0.75), area(f"{name}_e", x + 0.4, 0.75)) for name, x in (("one", 1.0), ("two", 2.4))
+}
+ROW = Arena(
+    3.8,
+    1.5,
+    0.05,
+    tuple(bench.box(x, low, x + 0.4, high) for x in (1.0, 2.4) for low, high in ((0.0, 0.6), (0.9, 1.5))),
+    tuple(each for pair in ENDS.values() for each in pair),
+    passages=tuple(FloorPassage(name, pair) for name, pair in ENDS.items()),
+)
+WEST, EAST = Point(0.3, 0.75), Point(3.5, 0.75)
+
+
+def test_the_gate_of_a_route_is_that_of_the_first_passage_on_it():
+    there = leader_route(ROW, WEST, EAST, (), through_gate=True)
+    back = leader_route(ROW, EAST, WEST, (), through_gate=True)
+    assert there is not None
+    assert back is not None
+    assert (there.passage, there.way, there.gate_m) == ("one", 0, pytest.approx(0.7, abs=0.05))
+    assert (back.passage, back.way, back.gate_m) == ("two", 1, pytest.approx(0.7, abs=0.05))
+
+
+def test_a_passage_behind_the_robot_has_no_gate():
+    route = leader_route(ROW, WEST, EAST, (), through_gate=True, behind=frozenset(["one"]))
+    assert route is not None
+    assert (route.passage, route.gate_m) == ("two", pytest.approx(2.1, abs=0.05))
+    route = leader_route(ROW, WEST, EAST, (), through_gate=True, behind=frozenset(["one", "two"]))
+    assert route is not None
+    assert (route.passage, route.gate_m) == (None, None)
+
+
+def test_a_turn_opens_the_gate_of_its_passage_only():
+    route = leader_route(ROW, WEST, EAST, (), through_gate=True)
+    assert route is not None
+    gate = EntryGate(ROW.shape, holding=False)
+    gate.opened = True
+    for passage, opens in (("one", True), ("two", False), (None, True)):
+        gate.passage = passage
+        assert gate.open_to(route) is opens
+        assert (gate.limit(0, route, gate.hold_line_m(route)) > 0.0) is opens
+
+
+def test_a_drive_stops_at_the_second_gate_that_has_not_been_opened():
+    nav = Navigator(ROW, 1)
+    pose = Pose(*WEST, 0.0)
+    assert nav.go(0, pose, EAST, through_gate=True)
+    nav.gate(None, True, "one")
+    now = 0
+    while now < seconds(60):
+        now += seconds(1 / 60)
+        twist = nav.step(now, pose, (), bumped=False)
+        pose = Pose(pose.x + twist.v / 60, pose.y, 0.0)
+    assert nav.behind == {"one"}
+    assert nav.route is not None
+    assert nav.route.passage == "two"
+    assert 1.6 < pose.x < 2.4 - 0.19 - ROW.shape.radius
+    nav.gate(None, True, "two")
+    while now < seconds(90) and nav.status == "moving":
+        now += seconds(1 / 60)
+        twist = nav.step(now, pose, (), bumped=False)
+        pose = Pose(pose.x + twist.v / 60, pose.y, 0.0)
+    assert nav.status == "arrived"
+
+
+def test_a_robot_that_has_asked_at_a_passage_goes_there():
+    ends = {
+        name: (area(f"{name}_w", 1.0, y), area(f"{name}_e", 1.4, y)) for name, y in (("south", 0.45), ("north", 1.05))
+    }
+    walls = ((0.0, 0.3), (0.6, 0.9), (1.2, 1.5))
+    arena = Arena(
+        2.4,
+        1.5,
+        0.05,
+        tuple(bench.box(1.0, low, 1.4, high) for low, high in walls),
+        tuple(each for pair in ends.values() for each in pair),
+        passages=tuple(FloorPassage(name, pair) for name, pair in ends.items()),
+    )
+    start, goal = Point(0.3, 0.9), Point(2.1, 0.9)
+    found = {via: gated_route(arena, start, goal, (), via=via) for via in (None, "south", "north")}
+    assert {via: route.passage for via, route in found.items() if route} == {
+        None: "south", "south": "south", "north": "north",
+    }  # fmt: skip
+    blocked = gated_route(arena, start, goal, [Point(1.2, 1.05)], via="north")
+    assert blocked is not None
+    assert blocked.passage == "south"

@@ -1,0 +1,75 @@
+"""Mistakes in the passages of a lab file, with place and remedy, and warnings of those that nobody uses."""
+
+from pathlib import Path
+
+import pytest
+
+from rmr_world.finding import LabError
+from rmr_world.lab_file import load_lab
+from rmr_world.lab_program import load_lab_program, validated
+
+LABS = Path(__file__).parents[3] / "deploy" / "labs"
+
+
+def warehouse(folder, changes):
+    """Return the errors and warnings of the provided lab with replacements in its file."""
+    text = (LABS / "warehouse" / "lab.yaml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "lab.yaml").write_text(text)
+    (folder / "warehouse.rmr").write_text((LABS / "warehouse" / "warehouse.rmr").read_text())
+    try:
+        loaded = load_lab(folder)
+        return str(validated(loaded, load_lab_program(loaded)).warnings)
+    except LabError as error:
+        return "\n".join(map(str, error.problems))
+
+
+def test_the_passages_of_the_file_are_those_of_the_arena():
+    arena = load_lab(LABS / "warehouse").arena
+    found = {passage.name: [area.name for area in passage.entrances] for passage in arena.passages}
+    assert found == {"north": ["north_west", "north_east"], "south": ["south_west", "south_east"]}
+    assert not any(passage.by_event for passage in arena.passages)
+
+
+SOUTH = "south: {mouths: [south_west, south_east]}"
+MISTAKES = [
+    (SOUTH, "south: {mouths: [south_wet, south_east]}", "south: area 'south_wet' is not defined; did you mean"),
+    (SOUTH, "south: {mouths: [south_west]}", "south: mouths should name two areas; for one entry write its name alone"),
+    (
+        SOUTH,
+        "south: 3",
+        "south: should be a mapping with the keys mouths, not 3; name an area, or {mouths: [west, east]}",
+    ),
+    (SOUTH, "South: south_west", "passages.South"),
+    (SOUTH, "bottleneck: south_west", "bottleneck: a lab has a bottleneck or passages"),
+    ("passages:\n", "bottleneck: south_west\npassages:\n", "passages.north: a lab has a bottleneck or passages"),
+    ("[2.6, 0.9]", "[1.6, 1.0]", "passages.south: its two mouths are closer than a robot is wide"),
+    ("  south_east: {at: [2.6, 0.9]}", "  south_east: {at: [2.6, 1.9]}", "'south_east' is 0.20 m from 'north_east'"),
+    ("passages:\n", "stations: [west_home]\npassages:\n", "stations: a lab with passages has no stations"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES)
+def test_a_mistake_in_the_passages_is_told_with_its_place(tmp_path, old, new, words):
+    assert words in warehouse(tmp_path, [(old, new)])
+
+
+def test_passages_in_a_row_need_room_to_wait_between_them(tmp_path):
+    wall = "  - {box: [3.1, 0.0, 3.5, 0.75]}\n  - {box: [3.1, 1.05, 3.5, 3.0]}\nareas:\n  far: {at: [3.5, 0.9]}\n"
+    wall += "  near: {at: [3.1, 0.9]}\n"
+    found = warehouse(tmp_path, [("areas:\n", wall), ("passages:\n", "passages:\n  last: {mouths: [near, far]}\n")])
+    assert "robots that wait there need 0.66 m: make one of them, with mouths at the outer ends" in found
+
+
+def test_a_passage_that_nobody_passes_is_warned_of(tmp_path):
+    areas = "areas:\n  here: {at: [0.9, 0.3]}\n  there: {at: [0.9, 1.5]}\n"
+    found = warehouse(tmp_path, [("areas:\n", areas), ("passages:\n", "passages:\n  idle: {mouths: [here, there]}\n")])
+    assert "passages.idle: warning: nobody passes it: no way of a robot to an area leads through 'here' and" in found
+    assert "passages.north" not in found
+
+
+def test_a_narrow_passage_without_a_name_beside_those_with_names_is_warned_of(tmp_path):
+    found = warehouse(tmp_path, [("  south: {mouths: [south_west, south_east]}\n", "")])
+    assert "is not exclusive: drives go through it without turns; name its ends under passages" in found
