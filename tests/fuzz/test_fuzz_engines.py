@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -28,8 +29,6 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Operator
 from rmr.bytecode.verify import verify
 from rmr.vm.engines import Engine
-
-pytestmark = pytest.mark.medium
 
 SEED = 22
 CASES = 1000
@@ -101,24 +100,40 @@ ALIVE = [
 """What must have been alive in some of the cases."""
 
 
-@pytest.fixture(scope="module")
-def played() -> list[tuple[Case, list[Seen], Counter[str]]]:
-    """The cases of the suite, and what the interpreter does in them."""
+Played = list[tuple[Case, list[Seen], Counter[str]]]
+"""Cases, each with what the interpreter does in it and what was alive meanwhile."""
+
+
+@cache
+def part_of(part: int) -> Played:
+    """Play one part of the cases of the suite."""
     found = []
-    for number in range(CASES):
+    for number in range(part * CASES // PARTS, (part + 1) * CASES // PARTS):
         kind, case = made(SEED, number)
         seen, alive = expected(case)
         found.append((case, seen, alive.tally + Counter([f"a program {kind}"])))
     return found
 
 
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.fixture(scope="module")
+def played() -> Played:
+    """The first part of the cases."""
+    return part_of(0)
+
+
+@pytest.fixture(scope="module")
+def all_played() -> Played:
+    """All cases."""
+    return [each for part in range(PARTS) for each in part_of(part)]
+
+
+@pytest.mark.parametrize("part", [pytest.param(part, marks=[pytest.mark.slow] * (part > 0)) for part in range(PARTS)])
 @pytest.mark.parametrize("engine", OTHERS, ids=lambda engine: engine.value)
-def test_every_engine_does_what_the_interpreter_does(played, engine, part):
-    found = [(number, difference(case, seen, engine)) for number, (case, seen, _) in enumerate(played[part::PARTS])]
-    assert [
-        f"case {number * PARTS + part}: {each.text(played[number * PARTS + part][0])}" for number, each in found if each
-    ] == []
+def test_every_engine_does_what_the_interpreter_does(engine, part):
+    cases = part_of(part)
+    first = part * CASES // PARTS
+    found = [(number, difference(case, seen, engine)) for number, (case, seen, _) in enumerate(cases)]
+    assert [f"case {first + number}: {each.text(cases[number][0])}" for number, each in found if each] == []
 
 
 @pytest.mark.parametrize("engine", Engine, ids=lambda engine: engine.value)
@@ -131,21 +146,23 @@ def test_robots_of_one_program_share_nothing_that_changes(played, engine):
         assert [(one.step(number), two.step(number)) for number in steps] == list(zip(seen, also, strict=False))
 
 
-def test_no_construct_is_left_out(played):
-    alive = Counter(name for _, _, tally in played for name in +tally)
+@pytest.mark.slow
+def test_no_construct_is_left_out(all_played):
+    alive = Counter(name for _, _, tally in all_played for name in +tally)
     assert [name for name in ALIVE if not alive[name]] == []
-    assert sum(tally["event RuleFired"] > 2 for _, _, tally in played) > CASES // 3
-    assert sum(len(seen) < len(case.script) for case, seen, _ in played) < CASES // 10
+    assert sum(tally["event RuleFired"] > 2 for _, _, tally in all_played) > CASES // 3
+    assert sum(len(seen) < len(case.script) for case, seen, _ in all_played) < CASES // 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", BREAKS)
-def test_a_machine_that_is_wrong_is_found(played, wrong):
-    fitting = [(case, seen) for case, seen, alive in played if wrong not in SHOWS or alive[SHOWS[wrong]]]
+def test_a_machine_that_is_wrong_is_found(all_played, wrong):
+    fitting = [(case, seen) for case, seen, alive in all_played if wrong not in SHOWS or alive[SHOWS[wrong]]]
     assert any(parted(case, seen, Engine.INTERPRETER, wrong) for case, seen in fitting)
 
 
 def test_a_machine_is_held_against_itself_without_a_difference(played):
-    assert not any(difference(case, seen, Engine.INTERPRETER) for case, seen, _ in played[:200])
+    assert not any(difference(case, seen, Engine.INTERPRETER) for case, seen, _ in played)
 
 
 @pytest.mark.parametrize("path", kept(), ids=lambda path: path.stem)

@@ -14,6 +14,8 @@ HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "docs" / "examples"
 PROGRAMS = sorted([*HERE.rglob("*.rmr"), *EXAMPLES.glob("*.rmr")])
 RUNS = [(path, run) for path in PROGRAMS for run in runs_of(path)]
+LONG_RUNS = frozenset({"--robots 9 --loss 0.4 --seed 5"})
+"""Arguments of runs that take seconds."""
 
 
 def call(*arguments: str) -> Result:
@@ -28,7 +30,15 @@ def test_check_reports_what_the_program_says(path: Path) -> None:
     assert sorted((each["code"], each["line"]) for each in found) == diagnostics_of(path)
 
 
-@pytest.mark.parametrize(("path", "run"), RUNS, ids=[f"{path.name} {run.arguments}" for path, run in RUNS])
+@pytest.mark.parametrize(
+    ("path", "run"),
+    [
+        pytest.param(
+            path, run, id=f"{path.name} {run.arguments}", marks=[pytest.mark.slow] * (run.arguments in LONG_RUNS)
+        )
+        for path, run in RUNS
+    ],
+)
 def test_a_run_is_what_the_program_says(path: Path, run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run.claims, "a run of which nothing is said"
     monkeypatch.chdir(path.parent)

@@ -90,12 +90,12 @@ def test_unknown_role_is_no_delivery(role):
     st.binary(max_size=700),
     st.sampled_from((116, 107, 103, 95)),
 )
-def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(digest, epoch, sequence, body, room):
-    frames_out = payloads.encode_fact_frames(digest, epoch, sequence, body, room)
+def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(to, epoch, sequence, body, room):
+    frames_out = payloads.encode_fact_frames(to, epoch, sequence, body, room)
     assert all(len(payload) <= room for payload in frames_out)
     assert len(frames_out) == 1 or len(frames_out[0]) == room
     frames = [payloads.decode_fact_frame(payload) for payload in frames_out]
-    assert {(f.digest, f.epoch, f.sequence, f.parts) for f in frames} == {(digest, epoch, sequence, len(frames))}
+    assert {(f.address, f.epoch, f.sequence, f.parts) for f in frames} == {(to, epoch, sequence, len(frames))}
     assert b"".join(f.piece for f in frames) == body
 
 

@@ -138,6 +138,7 @@ def test_standstill_report_names_the_body_in_the_bottleneck():
     assert any("the bottleneck is blocked by robot 6, which has been silent since" in each for each in words)
 
 
+@pytest.mark.slow
 def test_job_whose_move_has_failed_gives_its_turn_back():
     simulation, _, trace = ran(LABS / "corridor", kill(6.0, 2))
     failed = failures(trace)

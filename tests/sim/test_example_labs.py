@@ -17,7 +17,7 @@ LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)
 """The area `north` of the lab aisles."""
 TIER = {
-    "aisles/lab.yaml": pytest.mark.medium,
+    "aisles/lab.yaml": pytest.mark.slow,
     "aisles/through.yaml": pytest.mark.slow,
     "charging/lab.yaml": pytest.mark.slow,
     "crossing/lab.yaml": pytest.mark.medium,
@@ -69,7 +69,7 @@ def test_an_example_lab_finishes_after_faults_at_random(file):
     assert finished
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
     simulation, _ = ran("aisles/lab.yaml", 1)
     for event in ("fetching(north)", "fetching(south)"):
@@ -101,7 +101,7 @@ def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_bef
     assert left_aisle < asked
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_both_aisles_are_in_use_at_one_time():
     simulation, _ = ran("aisles/lab.yaml", 1)
     north, south = (turns_of(simulation, f"fetching({aisle})")[0] for aisle in ("north", "south"))

@@ -317,7 +317,7 @@ def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_dead
     assert simulation.time_s < 3 * takes_s + 6
 
 
-@pytest.mark.medium
+@pytest.mark.slow
 def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp_path):
     (tmp_path / "lab.yaml").write_text(
         (LABS / "testbed" / "lab.yaml").read_text().replace("testbed.rmr", "halting.rmr")
