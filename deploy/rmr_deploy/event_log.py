@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 EVENTS_FILE = "events.jsonl"
 WHO = "rmr up"
@@ -24,6 +24,7 @@ EVENTS = {
     "robot_back": "a process that was started by hand has taken the robot's place",
     "robot_left": "that process has left again",
     "fault": "a fault of the lab file was performed: `fault`",
+    "load": "it is known what became of a load of the lab file: `load`",
     "request": "an order was carried out: `do`, `robot`, and what else it has",
 }
 """What a line may tell."""
@@ -35,7 +36,7 @@ class EventLog:
     def __init__(self, folder: Path, now_s: Callable[[], float | None]) -> None:
         """`now_s` returns lab time in seconds, None before it runs."""
         self._path = folder / EVENTS_FILE
-        self._now_s = now_s
+        self.now_s: Final = now_s
         self._states: dict[int, str] = {}
         self.heard: Callable[[str, dict[str, Any]], None] | None = None
         """Called with each event and its fields."""
@@ -43,7 +44,7 @@ class EventLog:
     def note(self, event: str, message: str, **fields: Any) -> None:
         """Write an event; a run goes on if it cannot be written."""
         assert event in EVENTS
-        now_s = self._now_s()
+        now_s = self.now_s()
         stamp = {} if now_s is None else {"t": round(now_s, 3)}
         line = {"time": round(time.time(), 6), "level": "info", "who": WHO, "message": message, **stamp}
         line |= {"event": event, **fields}

@@ -47,10 +47,9 @@ def perform(options: RunOptions, background: DetachedOutput | None = None) -> in
     except RunRefusedError as refusal:
         print(str(refusal).rstrip("\n"), file=sys.stderr)
         return refusal.exit_code
-    if plan.program.warnings:
-        print(plan.program.warnings.rstrip("\n"), file=sys.stderr)
-    if plan.lab.loads:
-        print(f"rmr up: the loads in {plan.lab.path} happen in rmr sim only; here there is rmr load", file=sys.stderr)
+    for program in (plan.program, *(program for _, program in plan.loads)):
+        if program.warnings:
+            print(program.warnings.rstrip("\n"), file=sys.stderr)
     if plan.lab.events is not None:
         print(
             f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", file=sys.stderr
@@ -177,6 +176,8 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
     told["faults"] = sorted(
         [*disturbances, *outcome.faults], key=lambda entry: float(entry.get("at", entry.get("from")))
     )
+    if outcome.loads:
+        told["loads"] = outcome.loads
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 

@@ -28,6 +28,7 @@ from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.fault_schedule import FaultSchedule
+from rmr_deploy.lab_loads import performed_loads
 from rmr_deploy.outages import ask_outage
 from rmr_deploy.page_start import PageStart, open_page
 from rmr_deploy.preparation import RunPlan, free_port
@@ -124,9 +125,8 @@ class LabRun:
             self._processes.kill()
             return
         self.outcome.interrupted = True
-        self._screen.say(
-            "stopping; once more to stop at once" if signal_name == "SIGINT" else f"stopping: {signal_name}"
-        )
+        manner = "; once more to stop at once" if signal_name == "SIGINT" else f": {signal_name}"
+        self._screen.say(f"stopping{manner}")
 
     # --- start ---------------------------------------------------------------------------------------------
 
@@ -186,9 +186,10 @@ class LabRun:
         if not self.outcome.reason:
             self.outcome.ready_s = time.monotonic() - self._began
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
-            ready_s = round(self.outcome.ready_s, 3)
-            self.events.note("ready", f"{len(roster)} robots are ready", ready_s=ready_s)
-            with watched(self.plan, self._endpoint, self._screen.say):
+            self.events.note("ready", f"{len(roster)} robots are ready", ready_s=round(self.outcome.ready_s, 3))
+            place, say = self._endpoint, self._screen.say
+            with watched(self.plan, place, say), performed_loads(self.plan, place, self.events, say) as told:
+                self.outcome.loads = told
                 await self._until(self._finished)
 
     def _take_monitor(self, opened: asyncio.Task[StatusMonitor]) -> None:

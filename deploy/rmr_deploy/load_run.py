@@ -221,8 +221,7 @@ async def _over_radio(
         withdraw()
     if answer.refused:
         raise FaultError(f"robot {by}: {answer.refused}", ExitCode.FAILED)
-    outcome: Outcome = json.loads(answer.result)
-    return outcome
+    return {"by": by, **json.loads(answer.result)}
 
 
 async def _first_alive(bus: Bus, keys: Keys, robots: list[int]) -> int:

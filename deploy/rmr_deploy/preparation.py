@@ -23,9 +23,16 @@ from rmr.record.run_files import attach_files
 from rmr_deploy.resolved_lab import write_lab
 from rmr_deploy.restart_policy import RestartPolicy
 from rmr_world.finding import LabError
-from rmr_world.lab import Lab
+from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import lab_path, load_lab
-from rmr_world.lab_program import LoadedProgram, ProgramError, load_handlers, load_lab_program, validated
+from rmr_world.lab_program import (
+    LoadedProgram,
+    ProgramError,
+    later_programs,
+    load_handlers,
+    load_lab_program,
+    validated,
+)
 from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
 
@@ -93,6 +100,8 @@ class RunPlan:
     """The same for every robot."""
     folder: Path
     """The run folder: report.json, logs/, the compiled program."""
+    loads: tuple[tuple[ProgramLoad, LoadedProgram], ...] = ()
+    """The programs that robots get while they run."""
 
     @property
     def byte_code(self) -> Path:
@@ -144,10 +153,11 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
     try:
         options = replace(options, actions=options.actions or lab.actions)
         load_handlers(program.program, options.actions)
+        loads = later_programs(lab, durable=options.durable)
     except ProgramError as error:
         raise RunRefusedError(str(error), ExitCode.INVALID) from error
     try:
-        plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder))
+        plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder), loads)
         _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)

@@ -29,6 +29,8 @@ class RunOutcome:
     """Wall time of the whole run."""
     faults: list[dict[str, Any]] = field(default_factory=list)
     """Faults of processes on request, in the form of a lab file's entries."""
+    loads: list[dict[str, Any]] = field(default_factory=list)
+    """What became of the loads of the lab file that have begun, as entries of the report."""
     report_error: str | None = None
     """Why the report could not be written."""
     recording: list[str] = field(default_factory=list)

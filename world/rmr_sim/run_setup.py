@@ -27,10 +27,9 @@ from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import (
     LoadedProgram,
-    ProgramError,
+    later_programs,
     load_handlers,
     load_lab_program,
-    load_program,
     validated,
 )
 from rmr_world.radio_key import radio_key
@@ -138,11 +137,7 @@ def load(path: Path, options: Options) -> LoadedLab:
     lab = replace(lab, actions=options.actions or lab.actions, events=options.event_file or lab.events)
     program = validated(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
-    if lab.loads and options.durable:
-        raise ProgramError(
-            f"{lab.path}: loads: the state of a durable robot belongs to its program; leave out loads or --durable"
-        )
-    loads = tuple((each, load_program(each.program)) for each in lab.loads)
+    loads = later_programs(lab, durable=options.durable)
     warnings += [each.warnings for _, each in loads if each.warnings]
     return LoadedLab(lab, program, options, tuple(warnings), radio_key(lab), loads)
 

@@ -20,7 +20,7 @@ from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
 from rmr_world.finding import Finding, LabError
-from rmr_world.lab import Lab
+from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.near_miss import near_miss
 from rmr_world.validate.pipeline import run_findings
 
@@ -58,6 +58,14 @@ def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
     if not lab.program.exists():
         raise LabError([program_missing(lab)])
     return load_program(lab.program, color=color, stated=[fact.name for fact in lab.stated_facts])
+
+
+def later_programs(lab: Lab, *, durable: bool) -> tuple[tuple[ProgramLoad, LoadedProgram], ...]:
+    """Return the loads of `lab` with their programs. Raises ProgramError; so it does if robots are `durable`."""
+    if lab.loads and durable:
+        message = "loads: the state of a durable robot belongs to its program; leave out loads or --durable"
+        raise ProgramError(f"{lab.path}: {message}")
+    return tuple((load, load_program(load.program)) for load in lab.loads)
 
 
 def program_missing(lab: Lab) -> Finding:
