@@ -22,8 +22,7 @@ from rmr.bus.session import Bus, NobodyThereError, open_bus
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
-from rmr_deploy.active_runs import endpoint_of, newest_run, secret_of
-from rmr_world.run_report import REPORT_FILE
+from rmr_deploy.active_runs import REPORT_FILE, endpoint_of, newest_run, secret_of
 
 ASK_S = 2.0
 """Limit for the world's answer, which takes milliseconds unless its machine is overloaded."""
@@ -100,7 +99,10 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
     endpoint = place.endpoint
     with opened(place) as bus:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
-            keys = Keys((await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
+            there = await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)
+            if question.wish == "list":
+                return there
+            keys = Keys(there.lab)
         return await ask_world(bus, keys, question, endpoint)
 
 
