@@ -69,6 +69,8 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
             return _behind_bodies(scene, rule, others)
         case "reverse_guard":
             return _at(scene.pose, -REVERSE_POLL_M, navigator, rule, others)
+        case "shield":
+            return _at(scene.pose, 0.0, navigator, rule, others)
     return Hindrance(rule)
 
 
@@ -94,6 +96,7 @@ _CLAUSES: Final = {
     "stopping": "it stands for {}",
     "arc": "it stands for {}",
     "reverse_guard": "it cannot back up for {}",
+    "shield": "it keeps its distance from {}",
     "sight": "it looks before it drives: a robot that is not heard may be near",
     "promise": "it has promised the others to stay",
     "unwatched": "its newest sample is too old",

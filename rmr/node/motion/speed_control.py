@@ -10,14 +10,14 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
-from rmr.base.time import Instant
+from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import Shield
+from rmr.node.motion.shield import DrivingBody, Shield
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
@@ -27,6 +27,12 @@ REVERSE_GAP_M: Final = 0.03
 """Gap to other robots that a reverse manoeuvre keeps: it is done blind."""
 REVERSE_POLL_M: Final = 0.03
 """How far behind the robot a reverse manoeuvre looks for walls and bodies."""
+REVERSE_TURN: Final = 0.5
+"""Turn rate with which a robot turns its back away from a wall, rad/s."""
+REVERSE_LOOK_RAD: Final = 0.3
+"""How far to both sides it looks for more room."""
+REVERSE_DIFFERENCE_M: Final = 0.001
+"""Least difference of the room on both sides: less is in a corner, or straight before a wall."""
 
 SIGHT_RADIUS_M: Final = 0.5
 """Least radius of an arc that leads only over floor that was in view just before."""
@@ -123,7 +129,7 @@ class SpeedControl:
         radius = self.arena.shape.radius
         x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
         y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
-        free = self.arena.clearance(x, y) > radius
+        free = True
         for index, body in enumerate([*self._seen, *self._heard(-math.inf)]):
             # A body ahead of the axle is left behind. The robot's centre will be at (-REVERSE_POLL_M, 0).
             if body.x <= 0.0 and hypot(body.x + REVERSE_POLL_M, body.y) <= 2.0 * radius + REVERSE_GAP_M:
@@ -132,11 +138,28 @@ class SpeedControl:
                 around.count_body(index)
         if free and not self._switches.off("cooperation"):
             free = not self.hearing.may_reach(around.now, pose, REVERSE_POLL_M, 2.0 * radius + REVERSE_GAP_M)
-        if free:
-            return self._shielded(Twist(-REVERSE_MPS, 0.0))
+        back = Twist(-REVERSE_MPS, 0.0)
+        if free and self.arena.clearance(x, y) > radius and self._shield.within(back, pose, self.arena, self.sigma_m):
+            return self._shielded(back)
         self._switches.count("reverse_guard")
         self.law.limited_by = "reverse_guard"
-        return STILL
+        return Twist(0.0, self._turn_off_wall(pose)) if free else STILL
+
+    def _turn_off_wall(self, pose: Pose) -> float:
+        """Return the turn rate by which a robot that cannot back up for a wall comes to drive along it, rad/s.
+
+        A robot that stands askew in a passage as wide as itself gets out of it backwards in no other way.
+        """
+        left, right = (
+            self.arena.clearance(
+                pose.x - math.cos(pose.theta + turn) * REVERSE_POLL_M,
+                pose.y - math.sin(pose.theta + turn) * REVERSE_POLL_M,
+            )
+            for turn in (REVERSE_LOOK_RAD, -REVERSE_LOOK_RAD)
+        )
+        if abs(left - right) < REVERSE_DIFFERENCE_M:
+            return 0.0
+        return REVERSE_TURN if left > right else -REVERSE_TURN
 
     def _shielded(self, twist: Twist, *, walls: bool = True) -> Twist:
         """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
@@ -158,11 +181,43 @@ class SpeedControl:
                 dy = other.y - pose.y
                 discs.append(shield.parked(dx * cos + dy * sin, dy * cos - dx * sin, sigma))
             share = min(share, shield.past(twist, discs))
+        driving = self._driving(pose)
+        if driving:
+            share = min(share, shield.among(twist, driving))
         if share >= 1.0:
             return twist
         self._switches.count("shield")
         self.law.limited_by = "shield"
         return Twist(share * twist.v, share * twist.w)
+
+    def _driving(self, pose: Pose) -> list[DrivingBody]:
+        """Return the robots near that drive: as they are seen, and where they are not in view as they were heard."""
+        shield = self._shield
+        sigma = math.sqrt(2.0) * self.sigma_m
+        found = [
+            shield.driving(body.x, body.y, body.vx, body.vy, sigma, 0)
+            for body in self._seen[: self.scene.remembered_from]
+            if body.vx != 0.0 or body.vy != 0.0
+        ]
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
+        radius = self.arena.shape.radius
+        now = self.scene.now
+        seen = self._seen[: self.scene.remembered_from]
+        for other in self.hearing.fresh:
+            if other.parked or (other.vx == 0.0 and other.vy == 0.0):
+                continue
+            age_s = in_seconds(now - other.at)
+            dx = other.x + other.vx * age_s - pose.x
+            dy = other.y + other.vy * age_s - pose.y
+            x = dx * cos + dy * sin
+            y = dy * cos - dx * sin
+            if any(hypot(body.x - x, body.y - y) <= radius for body in seen):
+                continue
+            vx = other.vx * cos + other.vy * sin
+            vy = other.vy * cos - other.vx * sin
+            found.append(shield.driving(x, y, vx, vy, sigma, now - other.at))
+        return found
 
     def others(self, standing: Iterable[Point]) -> list[Point]:
         """Return where bodies are now, on the floor: those seen, and those heard to be `standing`."""

@@ -147,16 +147,16 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "a body or a wall behind a robot that reverses",
         "a reverse manoeuvre stops 3 cm short of a wall and of every known body; one behind that drives away is taken "
         "to be where it was heard last, since it may have stopped, and one that does not is taken to have driven here "
-        "at full speed since",
+        "at full speed since. Before a wall alone the robot turns on the spot until it can back up beside it",
         "navigator.py",
     ),
     Hazard(
         "shield",
         HazardStage.WHEELS,
-        "a parked robot or a wall that is nearer than estimated",
+        "a robot or a wall that is nearer than estimated",
         "the command is slowed along its arc, so that the robot [can always stand](safety.md#the-shield) three "
-        "standard deviations of its estimate short of each wall and each parked robot that it has heard; nearer than "
-        "that it only drives away",
+        "standard deviations of its estimate short of each wall and each standing robot that it has heard; nearer than "
+        "that it only drives away. It comes no nearer to one that drives, whether that goes on or brakes",
         "shield.py",
     ),
     Hazard(
