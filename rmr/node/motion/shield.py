@@ -29,7 +29,7 @@ STEP_M: Final = 0.002
 STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
 
 
-TRY_SHARES: Final = (1.0, 0.75, 0.5, 0.25)
+TRY_SHARES: Final[tuple[float, ...]] = (1.0, 0.75, 0.5, 0.25)
 """Shares of a command that are tried where somebody drives near."""
 TRY_STEP_S: Final = 0.05
 """Step in time along the way to stand; two robots come nearer by 2 cm in it, at most."""
