@@ -5,7 +5,7 @@ planner are built from the same value.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -290,8 +290,8 @@ def from_data(data: dict[str, Any]) -> Arena:
 
 def _passages(data: dict[str, Any], areas: dict[str, Area]) -> tuple[FloorPassage, ...]:
     """Return the passages of `data`; recordings of before have one at most, by its entrances. Raises KeyError."""
-    if "passages" not in data:
-        named = [[BOTTLENECK, data["bottleneck"]]] if data["bottleneck"] else []
-    else:
-        named = data["passages"]
+    # In a recording these are tuples, which compiled code does not take for lists.
+    named: Iterable[Sequence[Any]] = data.get("passages", ())
+    if "passages" not in data and data["bottleneck"]:
+        named = [(BOTTLENECK, data["bottleneck"])]
     return tuple(FloorPassage(name, tuple(areas[each] for each in entrances)) for name, entrances in named)
