@@ -109,6 +109,8 @@ class Messenger:
     def receive(self, now: Instant, frame: Received) -> None:
         """Handle a frame of another robot: coordination's are those below `PayloadKind.FACT`."""
         self._state.peers.heard(now, frame.source, frame.rssi_dbm)
+        if frame.source in self.exchange.silent:
+            self.exchange.heard_again(now, frame.source)
         kind = frame.payload[0] if frame.payload else PayloadKind.HELLO
         if kind != PayloadKind.HELLO:
             self._state.reschedule = True
@@ -128,7 +130,7 @@ class Messenger:
         """
         # After a suspension of the host the age of `frame` is not known: a call of the node dates it (`heard_at`).
         state = self._state
-        if self._needs_call or state.suspended(now):
+        if self._needs_call or state.suspended(now) or frame.source in self.exchange.silent:
             return False
         if self._presence.overhear(now, frame):
             return True

@@ -33,7 +33,7 @@ class PayloadKind(IntEnum):
     FACT = 0x10
     """address 2 (`address`), epoch 1, sequence 2 (bit 15: unordered; both kinds are numbered apart), body."""
     FACT_ACK = 0x11
-    """epoch 1, sequence 2."""
+    """epoch 1, sequence 2, before 2 (bit k: number sequence - 1 - k of its kind, ordered or not, has arrived, too)."""
     FRAGMENT = 0x12
     """address 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
     FACT_BASE = 0x13
@@ -118,7 +118,9 @@ class Hello(NamedTuple):
 HELLO_LIST_OCTETS_MAX: Final = 6  # 19 % of the airtime without a list: 15 octets, and 17 of preamble, header and FCS
 _HELLO: Final = struct.Struct(">BHhhBbBBhh")
 _FACT: Final = struct.Struct(">BHBH")
-_ACK: Final = struct.Struct(">BBH")
+_ACK: Final = struct.Struct(">BBHH")
+ACK_BEFORE_BITS: Final = 16
+"""Numbers before the acknowledged one of which an acknowledgement tells: more than are under way to one robot."""
 _LIFE: Final = struct.Struct(">BBQ")
 _FRAGMENT: Final = struct.Struct(">BHBHBB")
 _FAILURE: Final = struct.Struct(">BHB")
@@ -219,18 +221,18 @@ def decode_fact_frame(payload: bytes) -> FactFrame:
     return FactFrame(to, epoch, sequence, part, parts, payload[_FRAGMENT.size :])
 
 
-def encode_ack(epoch: int, sequence: int) -> bytes:
-    """Return the payload that acknowledges a whole delivery."""
-    return _ACK.pack(PayloadKind.FACT_ACK, epoch & 0xFF, sequence)
+def encode_ack(epoch: int, sequence: int, before: int = 0) -> bytes:
+    """Return the payload that acknowledges a whole delivery, and those of the `before` numbers whose bits are set."""
+    return _ACK.pack(PayloadKind.FACT_ACK, epoch & 0xFF, sequence, before)
 
 
-def decode_ack(payload: bytes) -> tuple[int, int]:
-    """Return (epoch, sequence). Raises WireError."""
+def decode_ack(payload: bytes) -> tuple[int, int, int]:
+    """Return (epoch, sequence, before). Raises WireError."""
     try:
-        _, epoch, sequence = _ACK.unpack(payload)
+        _, epoch, sequence, before = _ACK.unpack(payload)
     except struct.error as error:
         raise WireError(f"acknowledgement: {error}") from error
-    return epoch, sequence
+    return epoch, sequence, before
 
 
 def encode_base(to: int, epoch: int, sequence: int) -> bytes:

@@ -58,3 +58,27 @@ def test_unordered_messages_overtake_and_cost_nothing_without_loss(bench):
     ordered = bench.run(program(edges), "--robots", str(ROBOTS))
     unordered = bench.run(program(edges, unordered=True), "--robots", str(ROBOTS))
     assert ordered["messages"] == unordered["messages"], "order takes no frame and no octet where nothing is lost"
+
+
+HEARTBEATS = """
+// Robot 1 beats each second; who has heard nothing for 3 s suspects it.
+type leader(robot, robot).
+type beat(robot, robot).
+type tick(robot).
+type action wait(robot, float).
+type action suspect(R: robot, L: robot).
+tick(@1).
+leader(R, @1).
+tick(R) -o {B | peer(R, B) | beat(B, R)}, wait(R, 1.0) then tick(R).
+silence: watch(beat(R, L), beat(R, L), 3, suspect(R, L)).
+beat(R, L), $leader(R, L) -o 1.
+"""
+
+
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_a_leader_that_beats_each_second_is_not_suspected_at_twenty_percent_loss(bench, seed):
+    arguments = ("--robots", "12", "--loss", "0.2", "--action-time", "1s", "--seed", str(seed))
+    report = bench.run(HEARTBEATS, *arguments)
+    jobs = [job for robot in report["robots"].values() for job in robot["assertions"]]
+    assert len(jobs) > 600
+    assert not [job for job in jobs if job["met"] is False]

@@ -123,6 +123,20 @@ def test_the_barrier_holds_where_a_fifth_of_all_frames_is_lost():
     assert report_of(simulation, True)["collisions"] == 0
 
 
+@pytest.mark.parametrize("from_s", [10.629352817, 4.0, 9.0])
+def test_shapes_are_formed_after_30_s_without_any_radio(tmp_path, from_s):
+    """In the first case an answer to the captain is first sent as the silence begins (seed 8202)."""
+    lab = (FORMATION / "lab.yaml").read_text("utf-8").replace("duration: 120s", "duration: 300s")
+    faults = f"faults:\n  - {{from: {from_s}s, to: {from_s + 30}s, loss: 1.0}}\n"
+    (tmp_path / "lab.yaml").write_text(lab + faults, "utf-8")
+    (tmp_path / "formation.rmr").write_text((FORMATION / "formation.rmr").read_text("utf-8"), "utf-8")
+    simulation = prepare(tmp_path / "lab.yaml", seed=8202)
+    assert simulation.run()
+    report = report_of(simulation, True)
+    assert report["collisions"] == 0
+    assert [robot["undelivered"] for robot in report["robots"].values()] == [0] * 4
+
+
 def test_three_of_the_robots_form_the_shapes_too():
     simulation = formation("lab.yaml", robots=3)
     assert simulation.run()

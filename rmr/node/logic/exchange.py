@@ -4,6 +4,12 @@ Each delivery has (sender, epoch, sequence). The sender repeats it, with back-of
 acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as
 a whole. A delivery that outlives its time comes back as `Outcome.UNDELIVERED`: nothing vanishes.
 
+Acknowledgements are selective (TCP's SACK, RFC 2018): each tells which of the numbers before it have arrived, too. What
+has not, although something later has, is repeated at once (RACK-TLP, RFC 8985): once for each copy, so at most once in
+a round trip. The oldest ordered delivery under way, which those behind it wait for, is repeated every `RETRY_FIRST`,
+without back-off, as long as its receiver has acknowledged anything within `HEARD_WITHIN`. All others back off. When a
+robot that has acknowledged nothing for so long is heard again, all that is under way to it is repeated at once.
+
 Deliveries from one robot to another take effect in the order in which they were sent; `unordered` ones take effect as
 they arrive and leave earliest deadline first. A receiver acknowledges an ordered delivery that arrives early and holds
 it back until those before it have taken effect (`rmr.node.logic.inbound`). The sender alone knows whether something
@@ -31,7 +37,7 @@ It does not know what a fact means and it does not know the radio: frames leave 
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable
 from contextlib import suppress
 from enum import Enum
 from random import Random
@@ -44,12 +50,18 @@ from rmr.node.logic.outbound import RETRY_FIRST, ROUTINE_WITHIN, Outgoing, Recip
 from rmr.node.payloads import Delivery, WireError
 
 RETRY_MAX: Final[Duration] = seconds(1)
-"""Longest time between two repeats: about 25 in `TIME_TO_LIVE`; at 50 % loss both ways 1 delivery in 1000 fails."""
-TIME_TO_LIVE: Final[Duration] = seconds(30)
-"""Time after its first transmission at which a delivery is given up and reported. One that still waits is given up when
-the receiver has acknowledged nothing for that long."""
-PARKED_RETRY: Final[Duration] = seconds(5)
-"""Longest time between two repeats of a lasting delivery that has been under way for `TIME_TO_LIVE`."""
+"""Longest time between two repeats within `PERSISTENT_FOR`: about 25; at 50 % loss both ways 1 delivery in 1000 needs
+more."""
+PERSISTENT_FOR: Final[Duration] = seconds(30)
+"""Time after its first transmission from which on a delivery is repeated rarely, every `RARE_RETRY`. A lasting one then
+takes no other one's place any more."""
+RARE_RETRY: Final[Duration] = seconds(5)
+"""Longest time between two repeats of a delivery that has been under way for `PERSISTENT_FOR`."""
+TIME_TO_LIVE: Final[Duration] = seconds(45)
+"""Time after its first transmission at which a delivery is given up and reported: a robot that is silent for 30 s gets
+it when it is heard again. One that still waits is given up when the receiver has acknowledged nothing for that long."""
+HEARD_WITHIN: Final[Duration] = seconds(3)
+"""A robot that has acknowledged nothing for this long counts as silent."""
 ASK_AFTER: Final[Duration] = seconds(1)
 """Time for which a delivery may be missing before its sender is asked, and between two questions; the sender repeats it
 several times in between."""
@@ -147,6 +159,8 @@ class Exchange:
         self._greeted: tuple[int, Instant] = (-1, 0)
         """The robot that was told this life last, and when."""
         self._rng = rng
+        self._copies = 0
+        """Copies of deliveries that were handed to the radio."""
         self._peers: dict[int, Recipient] = {}
         self._senders: OrderedDict[int, Inbound] = OrderedDict()
         self._partial: OrderedDict[tuple[int, int, int, int], dict[int, bytes]] = OrderedDict()
@@ -157,6 +171,9 @@ class Exchange:
         """What became of deliveries since the last look; the owner clears it."""
         self.arrivals: list[Arrival] = []
         """What takes effect now, in order; the owner passes each to `hand_on` and clears the list."""
+        self.silent: dict[int, None] = {}
+        """Robots to which something is under way and that count as silent; the owner tells when it hears one
+        (`heard_again`)."""
         self.next_wake: Instant = NEVER
         self._repeat_at: Instant = NEVER
         self._ask_at: Instant = NEVER
@@ -235,7 +252,7 @@ class Exchange:
                 outgoing.expires = now + TIME_TO_LIVE
                 outgoing.sent = now
                 queue.in_flight[outgoing.sequence] = outgoing
-                self._transmit(now, outgoing, queue.due(outgoing))
+                self._transmit(now, peer, outgoing)
         if gave_up:
             self._say_base(destination)
 
@@ -243,15 +260,30 @@ class Exchange:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
         self.tell(DeliveryProgress(STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
-    def _transmit(self, now: Instant, outgoing: Outgoing, due: Instant) -> None:
-        due = min(due, now + ROUTINE_WITHIN)
+    def _transmit(self, now: Instant, peer: Recipient, outgoing: Outgoing) -> None:
+        due = min(peer.queue(outgoing.sequence).due(outgoing), now + ROUTINE_WITHIN)
         for frame in outgoing.frames:
             self.outbox.append((frame, outgoing.destination, due))
+        self._copies += 1
+        outgoing.first_copy = outgoing.first_copy or self._copies
+        outgoing.last_copy = self._copies
+        self._wait(now, outgoing)
+        if outgoing is not peer.ordered.oldest or peer.heard + HEARD_WITHIN <= now:
+            longest = RARE_RETRY if outgoing.sent + PERSISTENT_FOR <= now else RETRY_MAX
+            outgoing.wait = min(outgoing.wait * 2, longest)
+
+    def _wait(self, now: Instant, outgoing: Outgoing) -> None:
+        """Set the time of the next repeat, or of the end of all repeats."""
         # Random, so that two senders whose frames have collided do not repeat at the same instant.
-        outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
-        outgoing.wait = min(outgoing.wait * 2, PARKED_RETRY if outgoing.expires <= now else RETRY_MAX)
+        again = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
+        outgoing.next_send = again if outgoing.lasting else min(again, outgoing.expires)
         self._repeat_at = min(self._repeat_at, outgoing.next_send)
         self.next_wake = min(self.next_wake, outgoing.next_send)
+
+    def _send_again(self, now: Instant, peer: Recipient, outgoing: Outgoing) -> None:
+        self.repeated += 1
+        self._tell(Outcome.REPEATED, outgoing)
+        self._transmit(now, peer, outgoing)
 
     def wake(self, now: Instant) -> None:
         """Repeat what is overdue, give up what has outlived its time, and ask for what is missing."""
@@ -270,33 +302,51 @@ class Exchange:
             parked = peer.unordered.parked
             for queue in (peer.ordered, peer.unordered):
                 for outgoing in [*queue.in_flight.values(), *(parked.values() if queue is peer.unordered else ())]:
-                    if outgoing.expires <= now and outgoing.lasting and outgoing.sequence not in parked:
+                    if outgoing.lasting and outgoing.sequence not in parked and outgoing.sent + PERSISTENT_FOR <= now:
                         parked[outgoing.sequence] = queue.in_flight.pop(outgoing.sequence)
                     if outgoing.expires <= now and not outgoing.lasting:
                         del queue.in_flight[outgoing.sequence]
                         self._tell(Outcome.UNDELIVERED, outgoing)
                         gave_up |= queue is peer.ordered
                     elif outgoing.next_send <= now:
-                        self.repeated += 1
-                        self._tell(Outcome.REPEATED, outgoing)
-                        self._transmit(now, outgoing, queue.due(outgoing))
+                        self._send_again(now, peer, outgoing)
                     else:
                         self._repeat_at = min(self._repeat_at, outgoing.next_send)
             self._fill(now, destination, peer, gave_up)
+            if not peer.idle and max(peer.heard, peer.retried) + HEARD_WITHIN <= now:
+                self.silent[destination] = None
+
+    def heard_again(self, now: Instant, robot: int) -> None:
+        """Repeat all that is under way to a robot that was `silent` and has been heard."""
+        del self.silent[robot]
+        peer = self._peers[robot]
+        peer.retried = now
+        for outgoing in peer.repeated():
+            outgoing.wait = RETRY_FIRST
+            outgoing.next_send = now
+        self._repeat_at = self.next_wake = now
 
     def acknowledged(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle an acknowledgement from `source`. Raises WireError."""
-        epoch, sequence = payloads.decode_ack(payload)
+        epoch, sequence, before = payloads.decode_ack(payload)
         peer = self._peers.get(source)
         if peer is None or epoch != self._epoch:
             return
-        in_flight: MutableMapping[int, Outgoing] = peer.queue(sequence).in_flight
-        if sequence in peer.unordered.parked:
-            in_flight = peer.unordered.parked
-        if sequence not in in_flight:
+        arrived = peer.settle(sequence, before)
+        if not arrived:
             return
         peer.heard = now
-        self._tell(Outcome.DELIVERED, in_flight.pop(sequence))
+        self.silent.pop(source, None)
+        for outgoing in arrived:
+            self._tell(Outcome.DELIVERED, outgoing)
+        for outgoing in peer.queue(sequence).in_flight.values():
+            if any(outgoing.overtaken_by(other) for other in arrived):
+                outgoing.wait = RETRY_FIRST
+                self._send_again(now, peer, outgoing)
+        oldest = peer.ordered.oldest
+        if oldest is not None and oldest.wait > RETRY_FIRST:  # what comes after it waits for it from now on
+            oldest.wait = RETRY_FIRST
+            self._wait(now, oldest)
         self._fill(now, source, peer)
         if all(other.idle for other in self._peers.values()):
             self._repeat_at = NEVER
@@ -331,7 +381,7 @@ class Exchange:
             self._say_base(source)  # before the deliveries: what comes first
         for outgoing in (*peer.ordered.in_flight.values(), *peer.unordered.in_flight.values()):
             outgoing.wait = RETRY_FIRST
-            self._transmit(now, outgoing, peer.queue(outgoing.sequence).due(outgoing))
+            self._transmit(now, peer, outgoing)
         for outgoing in peer.unordered.parked.values():
             outgoing.next_send = now
         self._repeat_at = self.next_wake = now
@@ -449,7 +499,8 @@ class Exchange:
         return sender
 
     def _acknowledge(self, sender: Inbound, sequence: int) -> None:
-        self.outbox.append((payloads.encode_ack(sender.epoch, sequence), sender.source, NEVER))
+        payload = payloads.encode_ack(sender.epoch, sequence, sender.before(sequence))
+        self.outbox.append((payload, sender.source, NEVER))
 
     def _expect(self, now: Instant, sender: Inbound) -> None:
         """Set the time at which the sender is asked for what is missing."""

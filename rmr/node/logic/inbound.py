@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Instant
+from rmr.node.payloads import ACK_BEFORE_BITS
 
 SEQUENCE_BITS: Final = 15
 SEQUENCE_MASK: Final = (1 << SEQUENCE_BITS) - 1
@@ -63,6 +64,10 @@ class Window:
         behind = ahead(number, self.newest)
         return behind >= self.width or (behind >= 0 and bool(self.accepted >> behind & 1))
 
+    def before(self, number: int) -> int:
+        """Return which of the numbers before `number` were accepted: bit k stands for number - 1 - k."""
+        return self.accepted >> ahead(number, self.newest) + 1 & (1 << ACK_BEFORE_BITS) - 1
+
     def accept(self, number: int) -> None:
         """Take note of `number`, which it does not hold."""
         behind = 0 if self.newest < 0 else ahead(number, self.newest)
@@ -92,6 +97,11 @@ class Inbound:
         """Return whether a number, as on the wire, has been accepted."""
         window = self.unordered if sequence & UNORDERED else self.ordered
         return window.holds(sequence & SEQUENCE_MASK)
+
+    def before(self, sequence: int) -> int:
+        """Return which numbers before one that has been accepted have been, too (`Window.before`)."""
+        window = self.unordered if sequence & UNORDERED else self.ordered
+        return window.before(sequence & SEQUENCE_MASK)
 
     def passed(self, sequence: int) -> bool:
         """Return whether the turn of an ordered number is over: its sender is done with it."""

@@ -13,7 +13,7 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import payloads
 from rmr.node.logic.inbound import ORDERED_WINDOW, SEQUENCE_MASK, UNORDERED, UNORDERED_WINDOW
-from rmr.node.payloads import Delivery
+from rmr.node.payloads import ACK_BEFORE_BITS, Delivery
 
 RETRY_FIRST: Final[Duration] = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
@@ -40,6 +40,10 @@ class Outgoing:
     begun: Instant
     sent: Instant = NEVER
     """When it was first handed to the radio."""
+    first_copy: int = 0
+    """Place of its first copy among all copies that the robot has handed to the radio; 0: none yet."""
+    last_copy: int = 0
+    """The same of its last copy."""
     next_send: Instant = NEVER
     wait: Duration = RETRY_FIRST
     lasting: bool = False
@@ -48,6 +52,14 @@ class Outgoing:
     def meant_for(self, to: int) -> None:
         """Give all its frames another address (`payloads.address`)."""
         self.frames = [payloads.addressed(frame, to) for frame in self.frames]
+
+    def overtaken_by(self, other: "Outgoing") -> bool:
+        """Return whether all its copies left before the first one of `other`, which the radio cannot have preferred.
+
+        If `other` has arrived, the copies of this one are lost, or their acknowledgements. Those of `other` that were
+        acknowledged may be later ones, so its first one is compared (Karn's ambiguity; RACK-TLP, RFC 8985, 6.2).
+        """
+        return self.last_copy < other.first_copy and self.due <= other.due
 
     def waited(self, now: Instant) -> Duration:
         """Return for how long it has waited for others to leave."""
@@ -112,6 +124,11 @@ class OrderedQueue:
             if other is outgoing:
                 break
         return min(due, outgoing.due)
+
+    @property
+    def oldest(self) -> Outgoing | None:
+        """The delivery under way that was sent first."""
+        return next(iter(self.in_flight.values()), None)
 
     @property
     def base(self) -> int:
@@ -191,6 +208,8 @@ class Recipient:
     unordered: UnorderedQueue = field(default_factory=UnorderedQueue)
     heard: Instant = -seconds(3600)
     """When it last acknowledged something."""
+    retried: Instant = -seconds(3600)
+    """When all that is under way to it was repeated last, as it was heard again."""
     life: int = 0
     """The life of it that deliveries are meant for, 8 bits; of one that has not told its life, the first."""
 
@@ -209,6 +228,23 @@ class Recipient:
         ordered, unordered = self.ordered, self.unordered
         waiting = [*ordered.waiting, *unordered.waiting()]
         return [*ordered.in_flight.values(), *unordered.in_flight.values(), *waiting]
+
+    def repeated(self) -> list[Outgoing]:
+        """Return all that is repeated until it is acknowledged."""
+        ordered, unordered = self.ordered, self.unordered
+        return [*ordered.in_flight.values(), *unordered.in_flight.values(), *unordered.parked.values()]
+
+    def settle(self, sequence: int, before: int) -> list[Outgoing]:
+        """Remove and return what an acknowledgement says has arrived, in the order of its numbers."""
+        queue = self.queue(sequence)
+        numbers = [sequence - 1 - k for k in reversed(range(ACK_BEFORE_BITS)) if before >> k & 1]
+        arrived = []
+        for number in (*numbers, sequence):
+            known = number & SEQUENCE_MASK | sequence & UNORDERED
+            outgoing = queue.in_flight.pop(known, None) or self.unordered.parked.pop(known, None)
+            if outgoing is not None:
+                arrived.append(outgoing)
+        return arrived
 
     def begin_life(self, life: int, ended: Instant, to: int) -> list[Outgoing]:
         """Mean another life of the robot, with the address `to`; remove and return what an earlier one may have got.
