@@ -81,7 +81,7 @@ class History:
                 case "old" if self.kept:
                     self._take(*rng.choice(self.kept))
                 case "long":
-                    self._until(self.now + seconds(rng.choice((2, 10, 40))))
+                    self._until(self.now + seconds(rng.choice((2, 10, 40, 70))))
                 case "restart" if self.restarts:
                     self._restart(rng.choice((SENDER, RECEIVER)))
                 case "kill" if self.restarts:
@@ -212,7 +212,7 @@ class History:
                     sent = self.sent[news.delivery.index]
                     sent.given_up = self.now
                     sent.outlived = news.outcome is Outcome.OUTLIVED
-                    sent.needless = sent.outlived and self.tells_end and sent.first_sent >= self.ended
+                    sent.needless = sent.outlived and self.tells_end and sent.first_sent > self.ended
             robot.news.clear()
             for frame, destination, _ in robot.outbox:
                 assert destination == 1 - index

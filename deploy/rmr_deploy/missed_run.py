@@ -11,8 +11,8 @@ from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
 from rmr.why.delay_source import RecordedHistories, run_history
-from rmr.why.delay_text import delay_data, delay_text, delays_text
-from rmr.why.missed_jobs import FORM, asked_delay, missed_delays
+from rmr.why.delay_text import delay_data, delay_text, delays_text, undelivered_data, undelivered_text
+from rmr.why.missed_jobs import FORM, asked_delay, missed_delays, undelivered
 from rmr.why.question import WhyError
 from rmr.why.replayed_histories import UnexplainableError
 
@@ -54,9 +54,14 @@ def _answer(
         delays = [asked_delay(run, job, at)]
     else:
         delays = [delay for delay in missed_delays(run) if robot in (None, delay.robot)]
+    lost = undelivered(run, 0 if asked is None else delays[0].job.start)
     if as_json:
-        print(json.dumps({"delays": [delay_data(delay) for delay in delays], "problems": list(run.problems)}, indent=2))
-    elif asked is not None:
-        print(delay_text(delays[0], timeline=timeline), end="")
-    else:
-        print(delays_text(delays, quote(where)), end="")
+        told = {
+            "delays": [delay_data(delay) for delay in delays],
+            "undelivered": undelivered_data(lost),
+            "problems": list(run.problems),
+        }
+        print(json.dumps(told, indent=2))
+        return
+    text = delays_text(delays, quote(where)) if asked is None else delay_text(delays[0], timeline=timeline)
+    print(text + undelivered_text(lost), end="")

@@ -7,9 +7,12 @@ from rmr.base.time import Duration, in_seconds
 from rmr.why.critical_path import Delay
 from rmr.why.delay_owner import Interval, TimeOwner
 from rmr.why.delay_steps import steps_of
+from rmr.why.robot_history import LostDelivery
 
 LARGEST: Final = 3
 """Owners that a line on one of many missed deadlines names."""
+UNDELIVERED_SHOWN: Final = 3
+"""Deliveries that were given up of which the text tells."""
 
 
 class Share(NamedTuple):
@@ -95,6 +98,33 @@ def delays_text(delays: Sequence[Delay], run: str) -> str:
     first = delays[0]
     lines.append(f"for all of one: rmr why {run} --missed {first.job.name}@{first.robot}")
     return "\n".join(lines) + "\n"
+
+
+def undelivered_text(lost: Sequence[LostDelivery]) -> str:
+    """Return lines on deliveries that were given up, which no job may wait for any more: the first ones."""
+    lines = [
+        f"not delivered: {each.text} from robot {each.robot} to robot {each.destination}, "
+        f"given up {in_seconds(each.at):.3f} s: {each.why}"
+        for each in lost[:UNDELIVERED_SHOWN]
+    ]
+    if len(lost) > UNDELIVERED_SHOWN:
+        lines.append(f"and {len(lost) - UNDELIVERED_SHOWN} more not delivered; --json has all")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def undelivered_data(lost: Sequence[LostDelivery]) -> list[dict[str, Any]]:
+    """Return deliveries that were given up as plain data; times in seconds, and exactly in nanoseconds."""
+    return [
+        {
+            "at_s": in_seconds(each.at),
+            "at_ns": each.at,
+            "robot": each.robot,
+            "destination": each.destination,
+            "text": each.text,
+            "why": each.why,
+        }
+        for each in lost
+    ]
 
 
 def delay_data(delay: Delay) -> dict[str, Any]:

@@ -51,6 +51,7 @@ from rmr.why.robot_history import (
     DeliverySpan,
     EventCause,
     KnownOrder,
+    LostDelivery,
     PassageSpan,
     RobotHistory,
     TimedFiring,
@@ -186,6 +187,9 @@ class HistoryListener:
                 self._leave(node.crossings.current.told, now)
             elif entry["what"] == "sent":
                 self._name_sent(entry)
+            elif entry["what"] == "undelivered":
+                lost = LostDelivery(now, self._robot, entry["destination"], entry["fact"], entry["why"])
+                self.history.undelivered.append(lost)
         if entries:
             self._last_entry = entries[-1]
 

@@ -10,7 +10,7 @@ from rmr.vm.job import TimedJob
 from rmr.why.critical_path import Delay, explained
 from rmr.why.delay_source import RecordedHistories
 from rmr.why.question import WhyError, robots_text
-from rmr.why.robot_history import RobotHistory
+from rmr.why.robot_history import LostDelivery, RobotHistory
 
 _JOB: Final = re.compile(r"(?P<name>\w+)@(?P<robot>\d{1,9})", re.ASCII)
 FORM: Final = "write the assertion and the robot, such as crossing@3"
@@ -54,6 +54,11 @@ def asked_delay(run: RecordedHistories, asked: str, at: Instant | None) -> Delay
         until = f"the run is known until {in_seconds(history.ends):.3f} s"
         raise WhyError(f"{asked} is not decided: its deadline is {in_seconds(job.deadline):.3f} s, {until}")
     return _explained(run, robot, job)
+
+
+def undelivered(run: RecordedHistories, since: Instant = 0) -> list[LostDelivery]:
+    """Return the deliveries of all robots that were given up, not before `since`, in order of time."""
+    return sorted(each for history in run.robots.values() for each in history.undelivered if each.at >= since)
 
 
 def is_missed(history: RobotHistory, job: TimedJob) -> bool:

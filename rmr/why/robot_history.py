@@ -100,6 +100,17 @@ class DeliverySpan:
     given_up: Instant | None = None
 
 
+class LostDelivery(NamedTuple):
+    """A delivery that its sender has given up, or could not send."""
+
+    at: Instant
+    robot: int
+    """The sender."""
+    destination: int
+    text: str
+    why: str
+
+
 class PassageSpan(NamedTuple):
     """The robot used a shared resource."""
 
@@ -140,6 +151,7 @@ class RobotHistory:
     sent: dict[DeliveryKey, DeliverySpan] = field(default_factory=dict)
     received: dict[DeliveryKey, tuple[Instant, int]] = field(default_factory=dict)
     """When each delivery was taken up first, and its place in the order."""
+    undelivered: list[LostDelivery] = field(default_factory=list)
     passages: list[PassageSpan] = field(default_factory=list)
     orders: list[KnownOrder] = field(default_factory=list)
 

@@ -105,3 +105,39 @@ def test_run_with_missed_deadlines_ends_with_the_command_that_explains_them(run,
     assert hint in capsys.readouterr().err
     simulate([str(lab), "--run", str(run.parent / "unrecorded"), "--no-record"])
     assert "rmr why" not in capsys.readouterr().err
+
+
+PERMIT = """
+type action wait(robot, float).
+type !done(robot).
+type !over(robot).
+start(@1).
+asked(@2).
+done_in_time: assert(asked(R), done(R), 20, say(R, "late")).
+start(R) -o wait(R, 2) then permit(@2).
+permit(R) -o done(R), over(R), over(@1).
+"""
+UNHEARD = """
+lab: permit
+program: permit.rmr
+seed: 1
+duration: 60s
+finish: over(R)
+arena: {size: [1.5, 1.0]}
+robots: [{id: 1, pose: [0.3, 0.3, 0deg]}, {id: 2, pose: [0.9, 0.3, 0deg]}]
+faults: [{from: 1s, to: 51s, loss: 1.0}]
+"""
+
+
+def test_deliveries_that_were_given_up_stand_below_the_answer(tmp_path):
+    """Robot 2 waits for the permit of robot 1, which a radio that carries nothing for 50 s loses."""
+    (tmp_path / "permit.rmr").write_text(PERMIT)
+    (tmp_path / "permit.yaml").write_text(UNHEARD)
+    simulate([str(tmp_path / "permit.yaml"), "--run", str(tmp_path / "run")])
+    line = "not delivered: permit(@2) from robot 1 to robot 2, given up 47.0"
+    for question in ([], ["done_in_time@2"]):
+        text = why(tmp_path / "run", "--missed", *question).stdout
+        assert text.splitlines()[-1].startswith(line), text
+        [lost] = json.loads(why(tmp_path / "run", "--missed", *question, "--json").stdout)["undelivered"]
+        assert (lost["robot"], lost["destination"], lost["why"]) == (1, 2, "no acknowledgement")
+        assert 45 <= lost["at_s"] - 2 < 45.1

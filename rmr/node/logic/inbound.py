@@ -66,7 +66,7 @@ class Window:
 
     def before(self, number: int) -> int:
         """Return which of the numbers before `number` were accepted: bit k stands for number - 1 - k."""
-        return self.accepted >> ahead(number, self.newest) + 1 & (1 << ACK_BEFORE_BITS) - 1
+        return (self.accepted >> (ahead(number, self.newest) + 1)) & ((1 << ACK_BEFORE_BITS) - 1)
 
     def accept(self, number: int) -> None:
         """Take note of `number`, which it does not hold."""

@@ -74,9 +74,20 @@ def test_a_relay_that_dies_before_its_acknowledgement_arrives_does_not_take_the_
     assert sender.idle
 
 
+def test_what_was_first_sent_at_the_instant_of_the_death_may_have_arrived():
+    """Where frames take no time, as with `rmr eval --latency 0`."""
+    sender, relay = exchange(), exchange()
+    sender.send(KILLED_AT, RECEIVER, FACT, b"parcel")
+    assert give(relay, KILLED_AT, leaving(sender), SENDER) == [b"parcel"]
+    relay = exchange(1, KILLED_AT)
+    sender.wake(BACK_AT)
+    assert talk(sender, relay, BACK_AT) == []
+    assert sender.news[-1] == News(Outcome.OUTLIVED, RECEIVER, FACT)
+
+
 def test_what_was_first_sent_after_the_death_goes_to_the_new_life():
     sender = exchange()
-    sender.send(KILLED_AT, RECEIVER, FACT, b"while it is dead")
+    sender.send(KILLED_AT + 1, RECEIVER, FACT, b"while it is dead")
     leaving(sender)
     relay = exchange(1, KILLED_AT)
     sender.wake(BACK_AT)
