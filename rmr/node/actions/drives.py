@@ -8,21 +8,19 @@ from typing import Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
-from rmr.base.time import Instant, seconds
+from rmr.base.time import Duration, Instant, seconds
 from rmr.node.actions.dispatcher import Permit
 from rmr.node.actions.handle import ActionFailed, Pause
 from rmr.node.actions.node_handle import STUCK_S, LocatedSteps, NodeHandle
-from rmr.node.motion.grid import off_goal, segment_clearance
+from rmr.node.motion.grid import segment_clearance
 from rmr.node.motion.obstruction import near_polyline, robots_named, robots_near, solid_between, what_bars
 from rmr.node.motion.straight_drive import RAMP, Straight
 from rmr.node.parts import ActionHost
 
 LOOK_EVERY: Final = seconds(1)
-"""How often a robot without a way looks whether the dead bar it."""
+"""How often a robot looks whether others that stand bar its way."""
 FREE_AFTER: Final = seconds(5)
-"""The dead bar the way no longer when no look has found so for this long."""
-NEAR_M: Final = 1.0
-"""Distance to the goal from which a robot that stands on it counts as blocking it."""
+"""They bar it no longer when no look has found so for this long."""
 OVERDUE_S: Final = 5.0
 """Lateness at which a straight drive fails: it does not drive around what is in its way."""
 LAST_S: Final = 1e9
@@ -34,26 +32,20 @@ CLOSE_M: Final = 0.01
 class Drive(LocatedSteps):
     """A drive to a goal, until it is idle.
 
-    It fails when there has been no way, or the goal has been taken, for too long; before its turn that is longer by as
-    much for each other robot, for those that go first may be in its way until then.
+    It fails when there has been no way for too long, whatever the robot tries meanwhile.
     """
 
-    __slots__ = ("_barred", "_blocked_since", "_goal", "_heading", "_looks", "_permit")
+    __slots__ = ("_barred", "_goal", "_heading", "_looks", "_permit")
 
     def __init__(self, robot: NodeHandle) -> None:
         super().__init__(robot)
         self._heading: float | None = None
         self._permit: Permit | None = None
-        self._blocked_since: Instant | None = None
         self._looks = Pause(condition=self._ends)
 
     def goal(self) -> Point:
         """Return where to drive to; the robot knows its pose."""
         raise NotImplementedError
-
-    def is_taken(self) -> bool:
-        """Return whether another robot stands on the goal."""
-        return False
 
     def is_idle(self) -> bool:
         """Return whether there is nothing to drive for any more."""
@@ -65,72 +57,94 @@ class Drive(LocatedSteps):
         self._goal = self.goal()
         node.depart(self._goal, final_heading=self._heading, permit=self._permit)
         self._drives = True
-        self._barred = BarredDrive(node, self._goal)
+        self._barred = BarredDrive(node)
         return self.go_on()
 
     def _ends(self) -> bool:
-        moving = self._robot.node.motion.status == "moving"
-        return not moving or self._blocked_since is not None or self.is_taken() or self.is_idle() or self._barred.due
+        return self._robot.node.motion.status not in ("moving", "blocked") or self.is_idle() or self._barred.due
 
     def go_on(self) -> Pause | None:
-        """Look how the drive goes."""
+        """Look how the drive goes. Raises ActionFailed."""
         node = self._robot.node
-        status = node.motion.status
-        if status == "arrived" or self.is_idle():
+        if node.motion.status == "arrived" or self.is_idle():
             return None
-        self._barred.look()
-        if node.motion.status == "blocked" or self.is_taken():
-            self._blocked_since = self._blocked_since or node.now
-            robots = len(node.config.roster) if self._permit is not None and self._permit.waits else 1
-            if node.now - self._blocked_since > seconds(STUCK_S) * robots:
-                raise ActionFailed(_no_way(node, self._goal))
-        else:
-            self._blocked_since = None
+        waits = self._permit is not None and self._permit.waits
+        self._barred.look(node.motion.goal or self._goal, len(node.config.roster) if waits else 1)
         return self._looks
 
 
+class Lasting:
+    """For how long something has been found at each look, moments aside in which it was not."""
+
+    __slots__ = ("_found_at", "since")
+
+    def __init__(self) -> None:
+        self.since: Instant | None = None
+        self._found_at: Instant = 0
+
+    def note(self, now: Instant, found: bool) -> Duration:
+        """Take in a look; return for how long it has been found, 0 if it is not."""
+        if found:
+            self._found_at = now
+            self.since = now if self.since is None else self.since
+            return now - self.since
+        if self.since is not None and now - self._found_at > FREE_AFTER:
+            self.since = None
+        return 0
+
+
 class BarredDrive:
-    """Looks whether the dead bar the way of one drive, which then fails although others may be in the way as well."""
+    """Looks whether robots that stand bar the way of one drive, which then fails: the living, or the dead alone.
 
-    __slots__ = ("_barred_at", "_goal", "_look_at", "_node", "_since")
+    To and fro before a body the way may seem free for a moment: so near to the start margins are less.
+    """
 
-    def __init__(self, node: ActionHost, goal: Point) -> None:
+    __slots__ = ("_by_dead", "_by_standing", "_look_at", "_node")
+
+    def __init__(self, node: ActionHost) -> None:
         self._node = node
-        self._goal = goal
-        self._since: Instant | None = None
-        """Since when they bar it."""
-        self._barred_at: Instant = 0
+        self._by_dead = Lasting()
+        self._by_standing = Lasting()
         self._look_at: Instant = 0
         """When to look next."""
 
     @property
     def due(self) -> bool:
-        """Whether it is time to look again: there are dead robots, or were at the last look."""
+        """Whether it is time to look again: there is a reason to, or was at the last look."""
         node = self._node
-        return node.now >= self._look_at and (self._since is not None or bool(node.peers.lost(node.now)))
+        return node.now >= self._look_at and (
+            self._by_dead.since is not None
+            or self._by_standing.since is not None
+            or node.motion.may_be_barred
+            or bool(node.peers.lost(node.now))
+        )
 
-    def look(self) -> None:
-        """Look, if that is due. Raises ActionFailed when they have barred the way for STUCK_S."""
+    def look(self, goal: Point, robots: int) -> None:
+        """Look whether there is a way to `goal`, if that is due.
+
+        Raises ActionFailed when the dead have barred the way for STUCK_S, or those that stand for that long for each of
+        `robots`: before a robot's turn those that go first may be in its way.
+        """
         if not self.due:
             return
         node = self._node
         now = node.now
-        if self._since is not None and now - self._look_at > FREE_AFTER:
-            # The robot itself was stopped. It heard nobody meanwhile, so this time says nothing of the others.
-            self._since += now - self._look_at
+        for lasting in (self._by_dead, self._by_standing):
+            if lasting.since is not None and now - self._look_at > FREE_AFTER:
+                # The robot itself was stopped. It heard nobody meanwhile, so this time says nothing of the others.
+                lasting.since += now - self._look_at
         self._look_at = now + LOOK_EVERY
-        node.blocked = node.barred_by_lost(self._goal)
-        if not node.blocked:
-            # To and fro before a body the way may seem free for a moment: so near to the start margins are less.
-            if self._since is not None and now - self._barred_at > FREE_AFTER:
-                self._since = None
-            return
-        self._barred_at = now
-        if self._since is None:
-            self._since = now
+        node.blocked = node.barred_by_lost(goal)
+        told = self._by_dead.since is not None
+        dead_for = self._by_dead.note(now, bool(node.blocked))
+        if node.blocked and not told:
             node.trace(now, "blocked", reason=node.blocked)
-        if now - self._since > seconds(STUCK_S):
+        if dead_for > seconds(STUCK_S):
             raise ActionFailed(f"no way there: {node.blocked}")
+        pose = node.pose
+        barred = pose is not None and node.motion.barred(pose)
+        if self._by_standing.note(now, barred) > seconds(STUCK_S) * robots:
+            raise ActionFailed(_no_way(node, goal))
 
 
 def _no_way(node: ActionHost, goal: Point) -> str:
@@ -219,14 +233,6 @@ class GoTo(Drive):
     def goal(self) -> Point:
         """Return the point."""
         return self._point
-
-    def is_taken(self) -> bool:
-        """Return whether another robot stands there, as seen from near."""
-        node = self._robot.node
-        if not 0.0 < node.motion.remaining_m < NEAR_M:
-            return False
-        parked = node.peers.parked(node.now)
-        return len(off_goal(parked, self._point, node.arena.shape.radius)) < len(parked)
 
 
 class ReachDrive(LocatedSteps):

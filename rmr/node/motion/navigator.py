@@ -22,7 +22,7 @@ from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.grid import discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
-from rmr.node.motion.replanning import replanned
+from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
@@ -39,7 +39,7 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try", "_order",
+        "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try", "_order",
         "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
         "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
@@ -64,6 +64,8 @@ class Navigator:
         self._queueing: tuple[Point, ...] = ()
         self._next_try: Instant = 0
         self._replan_due = False
+        self._as_if_left = False
+        """Whether no route led around all robots when one was planned last."""
         self._reverse_until: Instant = 0
         self._excursion: Excursion | None = None
         self._right_of_way = 1.0
@@ -168,7 +170,7 @@ class Navigator:
     def _clear(self) -> None:
         self._order = self._follower = self._face = self._driven = self._excursion = None
         self._gate = EntryGate(self.arena.shape, holding=False)
-        self._replan_due = False
+        self._replan_due = self._as_if_left = False
         self._reverse_until = 0
         self._right_of_way = 1.0
         self._v = 0.0
@@ -327,9 +329,12 @@ class Navigator:
         self._next_try = now + seconds(RETRY_S)
         start = Point(pose.x, pose.y)
         around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
-        order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed, lost=self._lost)
+        order = self._ordered(self._order)
         # Robots that go first, in the queue, are waited for and not driven around.
-        route = replanned(self.arena, start, order, self._parked, around, at_goal=keep)
+        route = ordered_route(self.arena, start, order, around)
+        self._as_if_left = route is None
+        if route is None:
+            route = route_as_if_left(self.arena, start, order, self._parked, around, at_goal=keep)
         if keep and route is not None and self._loses_turn(route):
             return False
         if route is None:
@@ -345,11 +350,30 @@ class Navigator:
         self.status = "moving"
         return True
 
+    def _ordered(self, order: DriveOrder) -> DriveOrder:
+        """Return `order` as a plan needs it that is made now."""
+        return order._replace(through_gate=order.through_gate and not self._gate.passed, lost=self._lost)
+
     def _loses_turn(self, route: Route) -> bool:
         """Return whether a robot that may enter a passage would leave it for another one, or for none, by `route`."""
         gate = self._gate
         bound = gate.opened and not gate.passed and self.arena.has_shared_passages
         return bound and gate.passage is not None and route.passage != gate.passage
+
+    @property
+    def may_be_barred(self) -> bool:
+        """Return whether the newest plan has found no route around all others: `barred` knows whether they stand."""
+        return self._order is not None and (self._as_if_left or self.status == "blocked")
+
+    def barred(self, pose: Pose) -> bool:
+        """Return whether robots that stand bar every way from `pose` to the goal.
+
+        Then the robot stands, or follows a route as if they had left, to and fro: that is no way.
+        """
+        order = self._order
+        if order is None or not self.may_be_barred:
+            return False
+        return is_barred(self.arena, Point(pose.x, pose.y), self._ordered(order), self._parked)
 
     # -- state and estimates ---------------------------------------------------------------------------------
 

@@ -8,19 +8,26 @@ from collections.abc import Sequence
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point
+from rmr.node.motion.astar import plan
 from rmr.node.motion.grid import off_goal
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.route import DriveOrder, Route, follower_route, leader_route, off_queue
 
 
-def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Route | None:
-    """Return the route from `start` that `order` asks for, around those `parked`; None when there is none.
+def obstacles_of(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Sequence[Point]:
+    """Return those of `parked` around which a drive from `start` goes.
 
     Robots that stand before `start` in the gate's queue are no obstacles: they go first. The dead go no more.
     """
-    if order.through_gate:
-        dead = [place for place in parked if place in order.lost] if order.lost else []
-        parked = [*off_queue(arena, start, [place for place in parked if place not in order.lost]), *dead]
+    if not order.through_gate:
+        return parked
+    dead = [place for place in parked if place in order.lost] if order.lost else []
+    return [*off_queue(arena, start, [place for place in parked if place not in order.lost]), *dead]
+
+
+def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Route | None:
+    """Return the route from `start` that `order` asks for, around those `parked`; None when there is none."""
+    parked = obstacles_of(arena, start, order, parked)
     if order.through_gate and order.shared is not None:
         route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
         if route is None or order.via in (None, route.passage):
@@ -30,7 +37,12 @@ def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequenc
     return leader_route(arena, start, order.goal, parked, through_gate=False)
 
 
-def replanned(
+def is_barred(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> bool:
+    """Return whether `parked` robots bar every way from `start` to the goal of `order`."""
+    return plan(arena, start, order.goal, obstacles_of(arena, start, order, parked)) is None
+
+
+def route_as_if_left(
     arena: Arena,
     start: Point,
     order: DriveOrder,
@@ -39,13 +51,10 @@ def replanned(
     *,
     at_goal: bool,
 ) -> Route | None:
-    """Return a route `around` all obstacles, else one as if some of them had left.
+    """Return a route as if some of those `around` had left, where there is none around all of them.
 
     Those are the ones that stand on the goal (`at_goal`), or all but the `parked` robots.
     """
-    route = ordered_route(arena, start, order, around)
-    if route is not None:
-        return route
     if at_goal:
         elsewhere = off_goal(around, order.goal, arena.shape.radius)
         return ordered_route(arena, start, order, elsewhere)
