@@ -1,7 +1,9 @@
 """Each checker of a simulated run is silent while its rule holds, and speaks when somebody breaks it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 from lab_maker import small_lab
@@ -13,6 +15,7 @@ from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, 
 from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.timing import EXCLUSIVE, Timing
+from rmr.node.actions.drives import BarredDrive
 from rmr.node.logic.exchange import Exchange
 from rmr.node.logic.inbound import Inbound
 from rmr.node.ports import Spoken
@@ -525,6 +528,34 @@ def test_robots_that_wait_for_their_turn_while_others_pass_do_not_stand_still(tm
     assert simulation.run()
     assert simulation.time_s > 30.0
     assert found(simulation) == []
+
+
+KEPT = """
+type action goto(R: robot, X: float, Y: float) -o done(R).
+go(@2).
+go(R) -o goto(R, 0.2, 0.2).
+"""
+
+
+def test_a_robot_that_moves_to_and_fro_before_its_goal_gets_no_nearer(tmp_path, monkeypatch):
+    monkeypatch.setattr(BarredDrive, "look", lambda *_: None)  # nothing ends the drive
+    simulation = small_lab(tmp_path, KEPT, robots=2, finish="done(R)", duration="200s")
+    assert not simulation.run()
+    words = next(words for check, robots, words in found(simulation) if check == "no nearer" and robots == (2,))
+    assert re.match(r"robot 2 has come no nearer to the goal of goto\(@2, 0.2, 0.2\) for \d+ s and \d+\.\d m", words)
+
+
+def test_a_robot_whose_machine_reports_all_the_time_gets_no_nearer_all_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(BarredDrive, "look", lambda *_: None)
+    beats = """
+    type action wait(R: robot, T: float) -o waited(R).
+    type waited(robot).
+    waited(@2).
+    waited(R) -o wait(R, 1).
+    """
+    simulation = small_lab(tmp_path, KEPT + dedent(beats), robots=2, finish="done(R)", duration="200s")
+    assert not simulation.run()
+    assert ("no nearer", (2,)) in {(check, robots) for check, robots, _ in found(simulation)}
 
 
 def test_standstill_is_not_reported_before_all_faults_are_healed(tmp_path):

@@ -39,8 +39,8 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try", "_order",
-        "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
+        "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try",
+        "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
         "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
 

@@ -10,7 +10,6 @@ from rmr.base.time import seconds
 from rmr.node.actions.drives import BarredDrive
 from rmr.node.actions.handle import ActionFailed
 
-
 ARENA = Arena(4.0, 2.0, 0.05)
 GOAL = Point(1.0, 1.0)
 

@@ -6,6 +6,9 @@ event for which it waits: by entering, or by progress inside.
 
 A robot that drives, or waits for its turn, and has made no progress for `STILL` stands still. So do all robots together
 when none has made progress for so long and none waits for a time. A lab without a finish fact has nothing to do.
+
+A robot that moves may get nowhere as well: to and fro, or from one way to another. So each drive to a goal also has to
+near it (`nearing`), whatever the machine reports. Hence a drive ends, fails, or is told.
 """
 
 import math
@@ -17,9 +20,13 @@ from rmr.node.motion.hindrance import hindrance_words
 from rmr.node.motion.obstruction import closest_solid, robots_named
 from rmr.node.standstill import Motion, motion_state
 from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
+from rmr_sim.checkers.nearing import Nearings
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
 
+STANDS_STILL = "stands still"
+NO_NEARER = "no nearer"
+"""The names of the two checks."""
 STILL: Duration = seconds(30)
 """Time without progress: longer than a drive without a way takes to fail (20 s), and than a silent robot is presumed
 inside (10 s)."""
@@ -40,6 +47,7 @@ class ProgressChecker:
         world = view.simulation.world
         self._where = {robot: (pose.x, pose.y) for robot in view.robots for pose in [world.pose(robot)]}
         self._progress_at: dict[int, Instant] = dict.fromkeys(view.robots, 0)
+        self._nearings = Nearings(view)
         self._used: RecentTable[bytes, Instant] = RecentTable()
         """By event, the last entry or the last progress of a robot inside."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
@@ -58,6 +66,9 @@ class ProgressChecker:
             return
         self._look_at = now + EVERY
         view = self._view
+        for robot in view.robots:
+            if view.alive(robot):
+                self._look_at_drive(robot, now)
         busy = [robot for robot in view.robots if view.alive(robot) and not view.finished(robot)]
         for robot in busy:
             self._look(robot, now)
@@ -68,17 +79,25 @@ class ProgressChecker:
         still = [robot for robot in long if self._has_to(robot)]
         for robot in still:
             words = f"robot {robot} has stood still for {in_seconds(STILL):g} s"
-            self._tell(now, (robot,), "; ".join([words, *self._reasons(robot)]))
+            self._tell(now, STANDS_STILL, (robot,), "; ".join([words, *self._reasons(robot)]))
         if not still and long == busy and not any(self._waits(robot) for robot in busy):
             words = f"no robot has got on for {in_seconds(STILL):g} s; not finished: {', '.join(map(str, busy))}"
             reasons = [f"robot {robot}: {', '.join(found)}" for robot in busy if (found := self._reasons(robot))]
-            self._tell(now, tuple(busy), "; ".join([words, *reasons]))
+            self._tell(now, STANDS_STILL, tuple(busy), "; ".join([words, *reasons]))
 
-    def _tell(self, now: Instant, robots: tuple[int, ...], words: str) -> None:
+    def _look_at_drive(self, robot: int, now: Instant) -> None:
+        """Look whether the drive of `robot`, if it has one, nears its goal."""
+        self._nearings.look(robot, now)
+        words = self._nearings.overdue(robot, now, self._used_at(robot))
+        if words:
+            self._tell(now, NO_NEARER, (robot,), "; ".join([words, *self._reasons(robot)]))
+
+    def _tell(self, now: Instant, check: str, robots: tuple[int, ...], words: str) -> None:
         """Report a violation, and another one only after the same time again."""
-        self._view.violate(now, "stands still", robots, words)
+        self._view.violate(now, check, robots, words)
         for robot in robots:
             self._progress_at[robot] = now
+            self._nearings.neared(robot, now)
 
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
@@ -138,8 +157,12 @@ class ProgressChecker:
 
     def _progress_of(self, robot: int) -> Instant:
         """Return the last progress of the robot, its own or by other robots' use of the event for which it waits."""
+        return max(self._progress_at[robot], self._used_at(robot))
+
+    def _used_at(self, robot: int) -> Instant:
+        """Return when others used the event for which the robot waits, for the last time; 0 if it waits for none."""
         crossing = self._view.node(robot).crossings.current
-        return max(self._progress_at[robot], 0 if crossing is None else self._used.get(crossing.group_id, 0))
+        return 0 if crossing is None or not crossing.waits else self._used.get(crossing.group_id, 0)
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
