@@ -157,6 +157,8 @@ class Arena:
     stations: tuple[tuple[str, int], ...] = ()
     """Areas that robots hold from before they drive in until they have left, with how many may be there at a time."""
     shape: RobotShape = RobotShape()
+    range_sigma: float = 0.005
+    """Standard deviation of a range to a beacon, metres, as the localisation service states it."""
     _hash: int = field(init=False, compare=False, repr=False)
     """The hash, computed once, since arenas are keys of caches."""
 
@@ -168,6 +170,7 @@ class Arena:
             self.obstacles,
             self.areas,
             self.beacons,
+            self.range_sigma,
             self.passages,
             self.stations,
         )
@@ -246,6 +249,7 @@ def to_data(arena: Arena) -> dict[str, Any]:
             for a in arena.areas
         ],
         "beacons": [list(b) for b in arena.beacons],
+        "range_sigma": arena.range_sigma,
         "passages": [[passage.name, [area.name for area in passage.entrances]] for passage in arena.passages],
         "stations": [[name, capacity] for name, capacity in arena.stations],
         "shape": {
@@ -280,6 +284,7 @@ def from_data(data: dict[str, Any]) -> Arena:
         ),
         areas=areas,
         beacons=tuple(Point(*b) for b in data["beacons"]),
+        range_sigma=data.get("range_sigma", 0.005),  # recordings of before have none
         passages=_passages(data, {area.name: area for area in areas}),
         stations=tuple(
             (name, capacity) for name, capacity in data.get("stations", ())

@@ -43,6 +43,7 @@ def _check_floor(floor: Arena) -> None:
     if floor.width / floor.cell * (floor.height / floor.cell) > CELLS_MAX:
         raise MalformedError("expected an arena with fewer cells")
     _check_shape(floor.shape)
+    _within(floor.range_sigma, 0.0, FLOOR_M_MAX)
     points = [*floor.beacons]
     for obstacle in floor.obstacles:
         if isinstance(obstacle, Disc):

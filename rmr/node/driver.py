@@ -21,11 +21,12 @@ from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.hearing import DEAD
+from rmr.node.motion.localiser import Localiser
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.payloads import Hello
 from rmr.node.peers.link_sensing import CUT_OFF_MAX
-from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
+from rmr.node.peers.perception import AT_LEAVE_M, Peers, Percept, extent, standing_at
 from rmr.node.ports import BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
@@ -85,6 +86,10 @@ class Driver:
         self.stays_until: Instant = 0
         """It has promised the others not to move before."""
         self._began: Instant | None = None
+        self._known: Pose | None = None
+        """The newest estimate of the pose, also while there is none: a drive is ordered from there."""
+        self._located = 0
+        """How often it had been located when the wheels were commanded last."""
         self.held_by = ""
         """The rule of the stage WHEELS that holds the wheels, or slows them down, in this tick; empty: none does."""
 
@@ -101,6 +106,8 @@ class Driver:
         self._set_out_at = other._set_out_at
         self.stays_until = other.stays_until
         self._began = other._began
+        self._known = other._known
+        self._located = other._located
         self.navigator.hearing.listens = other.navigator.hearing.listens
 
     @property
@@ -122,20 +129,24 @@ class Driver:
 
     def step(self, now: Instant, rank: Callable[[], int], peers: Peers) -> None:
         """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
-        samples = self._body.sense()
+        samples = [sample for sample in self._body.sense() if self.localiser.feed(now, sample)]
         if samples:
             self._bodies = samples[-1].bodies
-            self._bumped = False
+            self._bumped = any(sample.bumped for sample in samples)
             self._sensed_at = samples[-1].stamp
-        for sample in samples:
-            self.localiser.feed(sample)
-            self._bumped = self._bumped or sample.bumped
         pose = self.localiser.pose
         navigator = self.navigator
         if self._began is None:
             self._began = now
         if pose is None:
+            if self.moving:
+                self._act(now, STILL)
             return
+        self._known = pose
+        if self._located != self.localiser.located:
+            if self._located:
+                navigator.relocate(now, pose)
+            self._located = self.localiser.located
         if navigator.status == "moving":
             self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
@@ -221,6 +232,8 @@ class Driver:
         if senses.used("obstacle"):
             senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
         if pose is None or (pose is self._stated_pose and place is self._stated_place):
+            if pose is None and self._stated_pose is not None:
+                self._retract(now, senses)
             return []
         self._stated_pose = pose
         self._stated_place = place
@@ -240,6 +253,13 @@ class Driver:
             elif was:
                 senses.drop(now, "at", args)
         return arrived
+
+    def _retract(self, now: Instant, senses: SensedFacts) -> None:
+        """Withdraw the facts of an estimate that has been dropped: what a wrong pose has stated may not hold."""
+        self._stated_pose = None
+        for predicate in ("pose", "at"):
+            if senses.used(predicate):
+                senses.replace(now, predicate, [])
 
     # -- places -----------------------------------------------------------------------------------------------
 
@@ -270,11 +290,11 @@ class Driver:
         return self._roster.index(self._robot)
 
     def take_place(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
-        """Choose the robot's place in `area` and keep it. Needs a pose.
+        """Choose the robot's place in `area` and keep it.
 
-        Invariant: a robot that has a place knows where it is, so that it can set out for another one at any time.
+        Invariant: a robot that has a place has known where it is, so that it can set out for another one at any time.
         """
-        assert self.localiser.pose is not None
+        assert self._known is not None
         point = self.place_of(now, area, rank, place, peers)
         self.place = point if area.slotted or area.box is not None else None
         self._chosen = (area, rank, place)
@@ -311,11 +331,12 @@ class Driver:
     def depart(
         self, now: Instant, goal: Point, peers: Peers, *, heading: float | None, gated: bool, shared: GridPath | None
     ) -> None:
-        """Set out for `goal`, facing `heading` in the end; `gated`: through the bottleneck's gate. Needs a pose.
+        """Set out for `goal`, facing `heading` in the end; `gated`: through the bottleneck's gate.
 
-        A robot that sets out for anywhere else gives up its slot.
+        A robot that sets out for anywhere else gives up its slot. It must have had a pose; one whose estimate has been
+        dropped stands, and plans anew when it has another one.
         """
-        pose = self.localiser.pose
+        pose = self._known
         assert pose is not None
         if goal != self.place:
             self.place = None

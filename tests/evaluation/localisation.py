@@ -21,7 +21,8 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, wrap
 from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
-from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.node.motion.localiser import Localiser
+from rmr.node.ports import Sensed
 from rmr_world.sensors import Sensors
 
 NAME = "localisation"
@@ -70,10 +71,9 @@ def errors(seed: int, *, outages: bool) -> list[tuple[float, float]]:
     beacons = (Point(0.0, 0.0), Point(WIDE_M, 0.0))
     arena = Arena(WIDE_M, HIGH_M, 0.05, (), (), beacons=beacons)
     sensors = Sensors(stream(f"evaluation/sensors/{seed}"), beacons, RATE_HZ, SIGMA_M, 0.0)
-    ekf: Ekf | None = None
-    known: dict[int, float] = {}
+    localiser = Localiser(arena)
     found = []
-    left, right, before = 0.0, 0.0, 0
+    before = 0
     for now, pose, way, turn in drive(rng):
         sensors.moved(way, turn)
         dt = in_seconds(now - before)
@@ -81,17 +81,13 @@ def errors(seed: int, *, outages: bool) -> list[tuple[float, float]]:
         ranges = sensors.ranges(now, pose.x, pose.y)
         if outages and away(in_seconds(now)):
             ranges = ()
-        if ekf is None:
-            known.update(ranges)
-            first = initial_pose(known, beacons, compass, arena)
-            ekf = None if first is None else Ekf(first.x, first.y, first.theta)
-        else:
-            ekf.predict(sensors.left_m - left, sensors.right_m - right, gyro, dt)
-            ekf.compass(compass)
-            for beacon, metres in ranges:
-                ekf.range(beacons[beacon], metres)
-            found.append((in_seconds(now), math.hypot(ekf.x - pose.x, ekf.y - pose.y)))
-        left, right, before = sensors.left_m, sensors.right_m, now
+        truth = (pose.x, pose.y, pose.theta)
+        localiser.feed(
+            now, Sensed(now, sensors.left_m, sensors.right_m, gyro, compass, ranges, (), bumped=False, truth=truth)
+        )
+        if localiser.pose is not None:
+            found.append((in_seconds(now), math.hypot(localiser.pose.x - pose.x, localiser.pose.y - pose.y)))
+        before = now
     return found
 
 

@@ -22,7 +22,7 @@ from rmr.node.ports import SeenBody, Sensed
 from rmr_world.contact_engine import Contact, ContactEngine
 from rmr_world.lab import Lab
 from rmr_world.robot_body import COMMAND_AGE_MAX, STEP_S, SUBSTEPS, WATCHDOG, RobotBody, moved, roll
-from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
+from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors, pulse_phases
 
 ACCELERATION: Final = 0.8
 """Bound of the body's acceleration, m/s^2."""
@@ -64,9 +64,10 @@ class World:
         self._tick = 0
         self._engine = ContactEngine(arena, self._begin, self._separate)
         self._robots: dict[int, RobotBody] = {}
+        pulses = pulse_phases(stream(f"{seed}/beacons"), len(arena.beacons), service.rate)
         for start in sorted(lab.robots, key=lambda robot: robot.id):
             rng = stream(f"{seed}/robot{start.id}/sensors")
-            sensors = Sensors(rng, arena.beacons, service.rate, service.sigma, service.dropout)
+            sensors = Sensors(rng, arena.beacons, service.rate, service.sigma, service.dropout, pulses)
             self._robots[start.id] = RobotBody(start.id, start.pose, seed, sensors)
             self._engine.add(start.id, start.pose)
         self._list = list(self._robots.values())

@@ -2,20 +2,22 @@
 
 The model is that of a low-cost robot with differential drive. Each wheel encoder has a scale error, drawn once, and
 slip noise that grows with the square root of the distance. The gyro has a bias and noise, the compass noise. The
-ultrasonic beacons send in turn at regular instants, so that no two pulses overlap. A pulse is lost with the probability
-`dropout` of the lab; a range has noise of `sigma`.
+ultrasonic beacons send in turn at regular instants, so that no two pulses overlap; in which order, and at which instant
+the first one sends, is drawn (`pulse_phases`): a process begins to hear them at any instant. A pulse is lost with the
+probability `dropout` of the lab; a range has noise of `sigma`.
 
-All numbers are drawn from the robot's own stream, in an order fixed by its own samples: the readings of a robot with
-the same motion are the same whether other robots are present or not.
+All other numbers are drawn from the robot's own stream, in an order fixed by its own samples: the readings of a robot
+with the same motion are the same whether other robots are present or not.
 """
 
 import math
+from collections.abc import Sequence
 from random import Random
 from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.streams import Normals
-from rmr.base.time import NEVER, NS_PER_S, Instant
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant
 
 TRACK_M: Final = 0.1
 """Distance between the wheels, metres."""
@@ -55,7 +57,16 @@ class Sensors:
         "silent_until",
     )
 
-    def __init__(self, rng: Random, beacons: tuple[Point, ...], rate: float, sigma: float, dropout: float) -> None:
+    def __init__(
+        self,
+        rng: Random,
+        beacons: tuple[Point, ...],
+        rate: float,
+        sigma: float,
+        dropout: float,
+        phases: tuple[Duration, ...] | None = None,
+    ) -> None:
+        """`phases`: when each beacon sends within a period; None: in their order, evenly spaced."""
         self.beacons = beacons
         self._normal = normal = Normals(rng)
         self._random = rng.random
@@ -63,8 +74,7 @@ class Sensors:
         self._right_scale = 1.0 + normal.draw() * ENCODER_SCALE_SIGMA
         self._gyro_bias = normal.draw() * GYRO_BIAS_SIGMA
         self._period = round(NS_PER_S / rate)
-        # Beacon k sends at k / n of the period, so that pulses are evenly spaced in time.
-        self._phases = tuple(self._period * index // max(1, len(beacons)) for index in range(len(beacons)))
+        self._phases = _spaced(self._period, range(len(beacons))) if phases is None else phases
         self._next_pulse: Instant = 0 if beacons else NEVER
         self._sigma = sigma
         self._dropout = dropout
@@ -96,7 +106,7 @@ class Sensors:
         """Return (beacon, metres) for each beacon with a pulse since the last call that was received at (x, y)."""
         if now < self._next_pulse:
             return ()
-        heard = []
+        heard: list[tuple[Instant, int, float]] = []
         due = self._next_pulse
         self._next_pulse = NEVER
         period = self._period
@@ -108,5 +118,19 @@ class Sensors:
                 metres = math.hypot(x - bx, y - by) + self._normal.draw() * self._sigma
                 # The noise above and this number are drawn for lost pulses, too: the stream keeps its order.
                 if self._random() >= self._dropout and last >= self.silent_until:
-                    heard.append((index, max(0.0, metres)))
-        return tuple(heard)
+                    heard.append((last, index, max(0.0, metres)))
+        return tuple([(index, metres) for _, index, metres in sorted(heard)])
+
+
+def pulse_phases(rng: Random, beacons: int, rate: float) -> tuple[Duration, ...]:
+    """Return when each of `beacons` sends within a period: in an order and from an instant that `rng` draws."""
+    period = round(NS_PER_S / rate)
+    order = list(range(beacons))
+    rng.shuffle(order)
+    first = rng.randrange(period)
+    return tuple([(phase + first) % period for phase in _spaced(period, order)])
+
+
+def _spaced(period: Duration, order: Sequence[int]) -> tuple[Duration, ...]:
+    """Return the instants at which beacons send that follow each other in `order`, evenly spaced over a period."""
+    return tuple([period * place // max(1, len(order)) for place in order])

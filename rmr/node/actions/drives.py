@@ -61,7 +61,9 @@ class Drive(LocatedSteps):
         return self.go_on()
 
     def _ends(self) -> bool:
-        return self._robot.node.motion.status not in ("moving", "blocked") or self.is_idle() or self._barred.due
+        node = self._robot.node
+        drives = node.motion.status in ("moving", "blocked") and node.pose is not None
+        return not drives or self.is_idle() or self._barred.due
 
     def go_on(self) -> Pause | None:
         """Look how the drive goes. Raises ActionFailed."""
@@ -267,7 +269,9 @@ class ReachDrive(LocatedSteps):
 
     def go_on(self) -> Pause | None:
         """Steer by the newest pose. Raises ActionFailed."""
-        self._pose = self._robot.node.pose or self._pose
+        pose = self._robot.node.pose
+        assert pose is not None
+        self._pose = pose
         return self._steer()
 
     def _steer(self) -> Pause | None:

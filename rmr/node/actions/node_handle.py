@@ -105,14 +105,19 @@ class ActionSteps:
 
 
 class LocatedSteps(ActionSteps):
-    """An action that begins when the robot knows where it is; it fails if the robot does not find out."""
+    """An action that needs the robot's pose: it begins, and goes on, when there is one.
 
-    __slots__ = ("_begun", "_prepared")
+    It fails if the robot does not find out where it is.
+    """
+
+    __slots__ = ("_begun", "_lost", "_prepared")
 
     def __init__(self, robot: NodeHandle) -> None:
         super().__init__(robot)
         self._prepared = False
         self._begun = False
+        self._lost = False
+        """Whether it waits for another pose: the estimate has been dropped."""
 
     def resume(self) -> Pause | None:
         """Prepare, wait for a pose, begin, go on."""
@@ -128,6 +133,12 @@ class LocatedSteps(ActionSteps):
                 raise ActionFailed("the robot does not know where it is")
             self._begun = True
             return self.begin()
+        if node.pose is None:
+            if self._lost:
+                raise ActionFailed("the robot does not know any more where it is")
+            self._lost = True
+            return Pause(node.now + seconds(STUCK_S), self._is_located)
+        self._lost = False
         return self.go_on()
 
     def _is_located(self) -> bool:

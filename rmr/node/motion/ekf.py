@@ -6,15 +6,13 @@ out, because a 3x3 product in numpy costs ten times more than all of this.
 * Prediction: the mean of both wheels gives the way, gyro and wheels together the turn (the gyro slips not, the
   wheels drift not). Slip makes the variance grow with the way and the turn.
 * Correction: a compass reading, or the distance to one beacon. A reading that lies more than GATE sigmas off is
-  an outlier and dropped, unless there are many of them: then it is the state that is wrong (the robot was pushed),
-  and the covariance is widened so that readings count again.
-
-Two beacons on one line leave two mirrored solutions; `initial_pose` takes the one inside the arena, and `keep_within`
-stays on that side.
+  an outlier and dropped. Many wrong compass readings widen the covariance of the heading, so that they count again.
+* Innovation gate: a cumulative sum (Page, "Continuous inspection schemes", 1954) over the squared innovations of the
+  ranges, in units of their variance. When it passes its limit, `contradicted` says that the position is wrong: the
+  robot was pushed, or is at the mirror image of the estimate.
 """
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import Final
 
 from rmr.base.arena import Arena
@@ -39,9 +37,12 @@ RANGE_SIGMA: Final = 0.007
 GATE: Final = 4.0
 """A reading farther off than this many sigmas is an outlier."""
 REJECTED_MAX: Final = 4
-"""Number of outliers of one sensor, less half the good readings between them, that shows that the state is wrong."""
-WIDEN_M: Final = 0.03
-"""By how much the position is doubted then: a robot that was pushed."""
+"""Number of wrong compass readings in a row that shows that the heading is wrong."""
+CUSUM_DRIFT: Final = 3.0
+"""Squared innovation, in units of its variance, above which a range adds to the sum. Its mean is 1."""
+CUSUM_MAX: Final = 40.0
+"""Sum that chance does not explain: with normal noise it is passed once in 10^8 ranges, 50 days of two beacons. Four
+outliers in a row pass it."""
 
 
 class Ekf:
@@ -55,7 +56,7 @@ class Ekf:
         "_pxy",
         "_pyt",
         "_pyy",
-        "_range_bad",
+        "_surprise",
         "range_sigma",
         "rejected",
         "theta",
@@ -71,7 +72,9 @@ class Ekf:
         self.theta = theta
         self.range_sigma = range_sigma
         self.rejected = 0
-        self._compass_bad = self._range_bad = 0
+        self._compass_bad = 0
+        self._surprise = 0.0
+        """The cumulative sum of the innovation gate."""
         self._pxx = self._pyy = sigma * sigma
         self._ptt = COMPASS_SIGMA * COMPASS_SIGMA
         self._pxy = self._pxt = self._pyt = 0.0
@@ -87,6 +90,17 @@ class Ekf:
         mean = 0.5 * (self._pxx + self._pyy)
         half = 0.5 * (self._pxx - self._pyy)
         return math.sqrt(mean + math.sqrt(half * half + self._pxy * self._pxy))
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether ranges contradict the position by more than chance explains."""
+        return self._surprise > CUSUM_MAX
+
+    def doubt(self, pxx: float, pxy: float, pyy: float) -> None:
+        """Set the covariance of the position, square metres."""
+        self._pxx = pxx
+        self._pxy = pxy
+        self._pyy = pyy
 
     def keep_within(self, arena: Arena) -> None:
         """Move the estimate to where a hull can be, within the walls of `arena`.
@@ -139,13 +153,7 @@ class Ekf:
         away = hypot(dx, dy)
         if away < 1e-6:
             return False
-        good = self._correct_place(dx / away, dy / away, metres - away, self.range_sigma)
-        self._range_bad = max(0, self._range_bad - 1) if good else self._range_bad + 2
-        if self._range_bad >= 2 * REJECTED_MAX:
-            self._range_bad = 0
-            self._pxx = 4.0 * self._pxx + WIDEN_M * WIDEN_M
-            self._pyy = 4.0 * self._pyy + WIDEN_M * WIDEN_M
-        return good
+        return self._correct_place(dx / away, dy / away, metres - away, self.range_sigma)
 
     def _correct_heading(self, residual: float) -> bool:
         """Apply a measurement of the heading: its Jacobian is (0, 0, 1)."""
@@ -156,7 +164,10 @@ class Ekf:
         kx = self._pxx * hx + self._pxy * hy
         ky = self._pxy * hx + self._pyy * hy
         kt = self._pxt * hx + self._pyt * hy
-        return self._apply(kx, ky, kt, hx * kx + hy * ky + sigma * sigma, residual)
+        variance = hx * kx + hy * ky + sigma * sigma
+        squared = min(GATE * GATE, residual * residual / variance)
+        self._surprise = max(0.0, self._surprise + squared - CUSUM_DRIFT)
+        return self._apply(kx, ky, kt, variance, residual)
 
     def _apply(self, kx: float, ky: float, kt: float, variance: float, residual: float) -> bool:
         """Correct by a `residual` of `variance`, with which the state covaries by (kx, ky, kt)."""
@@ -174,31 +185,3 @@ class Ekf:
         self._pyt -= ky * kt / variance
         self._ptt -= kt * kt / variance
         return True
-
-
-def initial_pose(ranges: Mapping[int, float], beacons: Sequence[Point], compass: float, arena: Arena) -> Pose | None:
-    """Return the pose from the ranges (metres by beacon index) to two beacons and the compass, or None.
-
-    The two circles meet on both sides of the beacons' line; the solution inside the arena is taken. None while
-    there are no ranges to two different beacons, or none of their solutions lies inside.
-    """
-    known = sorted((index, metres) for index, metres in ranges.items() if 0 <= index < len(beacons))
-    for i, (first, r1) in enumerate(known):
-        for second, r2 in known[i + 1 :]:
-            point = _meet(beacons[first], r1, beacons[second], r2, arena)
-            if point is not None:
-                return Pose(point.x, point.y, wrap(compass))
-    return None
-
-
-def _meet(a: Point, ra: float, b: Point, rb: float, arena: Arena) -> Point | None:
-    base = hypot(b.x - a.x, b.y - a.y)
-    if base < 1e-6:
-        return None
-    along = (base * base + ra * ra - rb * rb) / (2.0 * base)
-    up = math.sqrt(max(0.0, ra * ra - along * along))
-    ux = (b.x - a.x) / base
-    uy = (b.y - a.y) / base
-    found = [Point(a.x + along * ux - side * up * uy, a.y + along * uy + side * up * ux) for side in (1.0, -1.0)]
-    inside = [p for p in found if 0.0 <= p.x <= arena.width and 0.0 <= p.y <= arena.height]
-    return max(inside, key=lambda p: arena.clearance(p.x, p.y), default=None)

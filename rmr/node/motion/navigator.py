@@ -162,6 +162,14 @@ class Navigator:
         self._driven = Twist(v, w)
         self.status = "moving"
 
+    def relocate(self, now: Instant, pose: Pose) -> None:
+        """Plan the drive under way anew from `pose`: the robot has found out that it is elsewhere."""
+        self._pose = pose
+        if self._order is not None and self.status in ("moving", "blocked"):
+            self._excursion = None
+            self._reverse_until = 0
+            self._replan(now, pose)
+
     def stop(self) -> None:
         """Forget every order and stand still."""
         self._clear()

@@ -1,8 +1,6 @@
-"""What a robot knows of itself and of the others: its pose, the areas it stands in, the peers it has heard.
+"""What a robot knows of itself and of the others: the areas it stands in, the peers it has heard.
 
-Localisation (paper V.B.1): odometry, gyro and compass predict, ultrasonic ranges to the beacons correct; before
-two beacons have been heard there is no pose. Peers are known by their hellos alone; the ground truth in a sample is
-for the radio shim and is never read here.
+Peers are known by their hellos alone.
 """
 
 import math
@@ -10,17 +8,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from rmr.base.arena import Area, Arena, RobotShape
+from rmr.base.arena import Area, RobotShape
 from rmr.base.geometry import Point, Pose, hypot
-from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
-from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
 from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
 from rmr.node.peers.link_sensing import CUT_OFF_MAX, LinkSensing
-from rmr.node.ports import SeenBody, Sensed
+from rmr.node.ports import SeenBody
 
 AT_LEAVE_M: Final = 0.08
 """Distance at which a robot leaves a place; larger than `AT_ENTER_M`, so that localisation noise causes no flicker."""
@@ -42,53 +39,6 @@ class Percept(NamedTuple):
     pose: Pose | None
     bodies: tuple[SeenBody, ...]
     bumped: bool
-
-
-class Localiser:
-    """Turns samples into a pose."""
-
-    def __init__(self, arena: Arena) -> None:
-        self._arena = arena
-        self._ekf: Ekf | None = None
-        self._ranges: dict[int, float] = {}
-        self._last: Sensed | None = None
-        self.pose: Pose | None = None
-        """The estimated pose; None before the first two ranges. The same object until the next sample."""
-        self.travelled_m = 0.0
-        """Way of the robot's centre by odometry, metres."""
-
-    @property
-    def sigma_m(self) -> float:
-        """Standard deviation of the position, metres; infinite before the first fix."""
-        return math.inf if self._ekf is None else self._ekf.position_sigma
-
-    def feed(self, sample: Sensed) -> None:
-        """Take in one sample."""
-        last, self._last = self._last, sample
-        ekf = self._ekf
-        if ekf is None:
-            self._initialise(sample)
-            return
-        if last is not None:
-            left = sample.left_m - last.left_m
-            right = sample.right_m - last.right_m
-            self.travelled_m += abs(left + right) / 2
-            ekf.predict(left, right, sample.gyro, (sample.stamp - last.stamp) / NS_PER_S)
-        ekf.compass(sample.compass)
-        for beacon, metres in sample.ranges:
-            ekf.range(self._arena.beacons[beacon], metres)
-        ekf.keep_within(self._arena)
-        self.pose = ekf.pose
-
-    def _initialise(self, sample: Sensed) -> None:
-        self._ranges.update(sample.ranges)
-        if len(self._ranges) < 2:
-            return
-        pose = initial_pose(self._ranges, self._arena.beacons, sample.compass, self._arena)
-        if pose is not None:
-            self._ekf = ekf = Ekf(pose.x, pose.y, pose.theta)
-            ekf.keep_within(self._arena)
-            self.pose = ekf.pose
 
 
 class LostRobot(NamedTuple):

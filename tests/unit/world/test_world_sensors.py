@@ -9,7 +9,7 @@ from test_world_physics import FORWARD, drive, world_of
 from rmr.base.geometry import STILL, Point, Twist
 from rmr.base.streams import stream
 from rmr.base.time import NS_PER_S, seconds, tick_start
-from rmr_world.sensors import TRACK_M, Sensors
+from rmr_world.sensors import TRACK_M, Sensors, pulse_phases
 
 BEACONS = (Point(0, 0), Point(1.5, 0))
 
@@ -29,6 +29,30 @@ def test_each_beacon_is_heard_ten_times_a_second_and_never_two_at_once():
     assert beacons == [0, 1] * 10
 
 
+def test_order_and_phase_of_the_pulses_are_drawn_and_equal_for_equal_seeds():
+    drawn = [pulse_phases(stream(f"{seed}/beacons"), 4, 10.0) for seed in range(50)]
+    period = NS_PER_S // 10
+    for phases in drawn:
+        first = min(phases)
+        assert sorted(phase - first for phase in phases) == [period * k // 4 for k in range(4)]
+        assert 0 <= first < period // 4
+    orders = {tuple(sorted(range(4), key=phases.__getitem__)) for phases in drawn}
+    assert len(orders) > 10
+    assert drawn[0] == pulse_phases(stream("0/beacons"), 4, 10.0)
+
+
+def test_robots_of_one_world_hear_the_same_pulses_in_an_order_of_the_seed(tmp_path):
+    extra = "localisation: {beacons: [[0, 0], [3, 0], [3, 1.5], [0, 1.5]]}\n"
+    heard = {}
+    for seed in range(8):
+        world = world_of(tmp_path, (1.0, 0.5, 0), (2.0, 0.5, 0), extra=extra, seed=seed)
+        samples = [[world.sense(robot, tick_start(k)).ranges for k in range(1, 30)] for robot in (1, 2)]
+        pulses = [[beacon for ranges in each for beacon, _ in ranges] for each in samples]
+        assert pulses[0] == pulses[1]
+        heard[tuple(pulses[0])] = seed
+    assert len(heard) > 4
+
+
 def test_a_range_is_the_distance_to_its_beacon():
     sensors = sensors_of()
     assert sensors.ranges(0, 0.3, 0.4) == ((0, 0.5),)
@@ -38,7 +62,7 @@ def test_a_range_is_the_distance_to_its_beacon():
 def test_a_robot_that_was_not_asked_for_long_hears_each_beacon_s_last_pulse_only():
     sensors = sensors_of()
     sensors.ranges(0, 0, 0)
-    assert [index for index, _ in sensors.ranges(10 * NS_PER_S, 1, 1)] == [0, 1]
+    assert [index for index, _ in sensors.ranges(10 * NS_PER_S, 1, 1)] == [1, 0], "in the order of the pulses"
     assert sensors.ranges(10 * NS_PER_S + 1, 1, 1) == ()
 
 

@@ -119,6 +119,7 @@ class LabDraft:
             shape=shape,
             areas=tuple(area for _, area in self.areas.values()),
             beacons=self._beacons(),
+            range_sigma=spec.localisation.sigma,
             passages=self._passages(),
             stations=self._stations(shape),
         )

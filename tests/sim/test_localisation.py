@@ -1,0 +1,98 @@
+"""A robot drives only where it knows its position: mirror images, estimates that are wrong, beacons in any order."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from rmr.base.time import seconds
+from rmr_sim.run_setup import Options, load
+from rmr_world.finding import LabError
+
+PROGRAM = """
+type action moveto(R: robot, A: area) -o at(R, A).
+type sensor at(robot, area).
+start(R).
+start(R) -o moveto(R, goal).
+"""
+LAB = """
+lab: mirror
+program: mirror.rmr
+duration: 40s
+finish: at(R, goal)
+arena: {{size: [2.0, 2.0]}}
+areas: {{goal: {{at: [0.4, 0.5]}}}}
+robots: [{{id: 1, pose: [1.6, 0.7, 180deg]}}]
+localisation: {{beacons: {beacons}, dropout: {dropout}}}
+"""
+
+
+def loaded(folder: Path, beacons, dropout=0.0):
+    (folder / "mirror.rmr").write_text(PROGRAM)
+    lab = folder / "lab.yaml"
+    lab.write_text(LAB.format(beacons=[list(each) for each in beacons], dropout=dropout))
+    return load(lab, Options())
+
+
+DIAGONAL = [(0, 0), (2, 2)]
+CORNERS = [*DIAGONAL, (2, 0), (0, 2)]
+
+
+@pytest.mark.parametrize("dropout", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_robot_among_four_beacons_never_drives_by_its_mirror_image(tmp_path, seed, dropout):
+    simulation = loaded(tmp_path, CORNERS, dropout).simulation(seed)
+    off_m = []
+
+    def look(_now):
+        pose = simulation.robots[0].node.driver.localiser.pose
+        if pose is not None:
+            off_m.append(math.dist(pose[:2], simulation.world.pose(1)[:2]))
+
+    simulation.observers.append(look)
+    assert simulation.run()
+    assert simulation.world.collisions == 0
+    assert max(off_m) < 0.05
+
+
+def test_beacons_in_opposite_corners_alone_are_refused_with_two_places_that_look_alike(tmp_path):
+    with pytest.raises(LabError, match=r"localisation.beacons: a robot at .* is as far from both beacons as one at"):
+        loaded(tmp_path, DIAGONAL)
+
+
+def test_a_robot_with_a_mirrored_estimate_stands_locates_itself_and_drives_on(tmp_path):
+    simulation = loaded(tmp_path, CORNERS).simulation(1)
+    driver = simulation.robots[0].node.driver
+    stood = []
+
+    def look(now):
+        ekf = driver.localiser._ekf
+        if now == seconds(2):
+            ekf.x, ekf.y = ekf.y, ekf.x  # the image across the first two beacons' line
+        if ekf is None and now > seconds(2):
+            stood.append((driver.moving, simulation.robots[0].still))
+
+    simulation.observers.append(look)
+    assert simulation.run()
+    assert driver.localiser.dropped == 1
+    assert stood
+    assert not any(moving for moving, _ in stood)
+    assert all(still for _, still in stood)
+    assert simulation.world.collisions == 0
+    assert simulation.time_s < 8.0
+
+
+def test_a_drive_fails_when_the_robot_does_not_find_itself_again(tmp_path):
+    simulation = loaded(tmp_path, CORNERS).simulation(1)
+    localiser = simulation.robots[0].node.driver.localiser
+
+    def look(now):
+        if now == seconds(2):
+            localiser._search()
+            simulation.silence(1, seconds(100))
+
+    simulation.observers.append(look)
+    assert not simulation.run()
+    failure = simulation.robots[0].report()["first_failure"]
+    assert "does not know any more where it is" in failure[-1]
+    assert simulation.world.distance_m(1) < 1.0
