@@ -26,7 +26,7 @@ from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr.mind.journal import DurableState, JournalError
 from rmr.node.config import NodeConfig
-from rmr.node.report import progress, robot_report
+from rmr.node.report import off_m, progress, robot_report
 from rmr_agent.bytecode import RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
@@ -348,6 +348,7 @@ class HostedRobot:
         host |= {"log_cut_short": LogFile.failure} if LogFile.failure else {}
         if not incarnation.started:
             return host
+        host["off_m"] = off_m(incarnation.node, incarnation.body.place)
         return robot_report(incarnation.node, incarnation.link.station.counters.as_dict(), self._restarts) | host
 
     def _state(self, *, finished: bool, final: bool) -> str:

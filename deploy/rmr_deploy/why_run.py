@@ -22,6 +22,8 @@ from rmr.why.why_dot import absence_dot, why_dot
 from rmr.why.why_text import absence_text, why_text
 from rmr_deploy.active_runs import newest_run
 from rmr_deploy.missed_run import explain_missed
+from rmr_world.run_report import REPORT_FILE
+from rmr_world.run_warnings import position_warnings
 
 RUNS: Final = Path("runs")
 """Where `rmr up` puts the folders of runs."""
@@ -57,7 +59,7 @@ def perform(
     folder, robot = _run_of(where)
     try:
         with open_recording(folder) as recording:
-            return _answer(recording, robot, fact, absent, at, depth, more, as_json, as_dot)
+            return _answer(recording, folder, robot, fact, absent, at, depth, more, as_json, as_dot)
     except (RecordingError, UnexplainableError) as error:
         print(f"rmr why: {error}", file=sys.stderr)
         return ExitCode.INVALID
@@ -84,6 +86,7 @@ def _run_of(where: str) -> tuple[Path, int | None]:
 
 def _answer(
     recording: Recording,
+    folder: Path,
     robot: int | None,
     fact: str,
     absent: bool,
@@ -107,6 +110,7 @@ def _answer(
         whose = "the run" if asked.owner is None else f"robot {asked.owner}"
         until = seconds_text(past.known_until)
         answer.notes.append(f"the recording has not been finished: {whose} is known until {until}")
+    answer.notes += _position_notes(folder, asked.owner)
     if as_json:
         print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
         return ExitCode.OK
@@ -114,6 +118,19 @@ def _answer(
     for problem in histories.problems:
         print(f"rmr why: {problem}", file=sys.stderr)
     return ExitCode.OK
+
+
+def _position_notes(folder: Path, robot: int | None) -> list[str]:
+    """Return what the run's report tells of how `robot`, or each robot, knew where it was, if that was amiss."""
+    file = (folder if folder.is_dir() else folder.parent) / REPORT_FILE
+    try:
+        parts = json.loads(file.read_text("utf-8"))["robots"]
+        told = [
+            words for one, part in parts.items() for words in position_warnings(one, part) if robot in (None, int(one))
+        ]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []  # a run that goes on, or a recording without its folder
+    return [f"localisation: {words}" for words in told]
 
 
 def _drawn(answer: WhyAnswer | AbsenceAnswer) -> str:

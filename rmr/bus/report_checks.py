@@ -45,6 +45,9 @@ PART: Final[dict[str, Check]] = {
     "left_out": each(text),
     "log_cut_short": people,
     "late_samples": count,
+    "off_m": optional(number),
+    "estimates_dropped": count,
+    "samples_refused": count,
     "late_commands": each(group(robot, count, number)),
     "faults": each(fields({"from": number}, {"to": number})),
 }

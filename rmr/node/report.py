@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
+from rmr.base.geometry import Pose, hypot
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import Kind
@@ -102,6 +103,8 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
         "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
+        "estimates_dropped": 0 if node.driver is None else node.driver.localiser.dropped,
+        "samples_refused": 0 if node.driver is None else node.driver.localiser.refused,
         "assertions": [
             {**job_entry(job), "steps": log.steps.entries(node.robot, job, now)} if job.missed else job_entry(job)
             for job in jobs
@@ -128,6 +131,17 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
         "tasks_skipped": node.executive.skipped,
         "schedules": schedules(node),
     }
+
+
+def off_m(node: ReportedNode, place: tuple[float, float] | Pose | None) -> float | None:
+    """Return how far the robot's estimate is from its true `place`, metres; None where it has none.
+
+    Hosts know the true place, for the radio; the robot does not.
+    """
+    pose = None if node.driver is None else node.driver.localiser.pose
+    if pose is None or place is None:
+        return None
+    return round(hypot(pose.x - place[0], pose.y - place[1]), 3)
 
 
 def schedules(node: ReportedNode) -> list[dict[str, Any]]:

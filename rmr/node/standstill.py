@@ -24,7 +24,7 @@ class Motion(Enum):
     IDLE = "idle"
     """Nothing: no drive is under way, or it has arrived."""
     LOCATES = "locates"
-    """The robot does not know yet where it is."""
+    """The robot does not know where it is; in a recording with true poses, or is far from where it takes itself."""
     DRIVES = "drives"
     GATED = "gated"
     """It stands, or drives more slowly, so as not to be at the commit line before its slot."""

@@ -185,6 +185,8 @@ class CriticalPath:
                 TimeOwner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
             )
             detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else span.text
+            if state.motion is Motion.LOCATES and why.place:
+                detail = f"{span.text}: {why.place}"
             self._cover(begin, owner, robot, (), detail)
 
     # -- the steps --------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ MEANINGS: dict[TimeOwner, str] = {
     TimeOwner.QUEUE: "the robot lined up: it was on the way to a place in the queue, or robots before it in the queue "
     "had not left",
     TimeOwner.ACTION: "an action that is no drive was under way, or had the wheels",
-    TimeOwner.LOCALISATION: "the robot did not know where it was",
+    TimeOwner.LOCALISATION: "the robot did not know where it was, or was mistaken about it by more than 0.2 m",
     TimeOwner.OUTSIDE: "a fact that no rule derives had not come: from a sensor, from the robot's view of others, or "
     "from somebody outside",
     TimeOwner.RADIO_QUEUE: "a delivery waited behind other frames of its sender",

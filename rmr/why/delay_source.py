@@ -17,6 +17,7 @@ from rmr.why.history_listener import HistoryListener
 from rmr.why.radio_time import Attempt
 from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
 from rmr.why.robot_history import RobotHistory
+from rmr.why.true_places import true_places
 
 FRAMES: Final = "/frames"
 FAULTS: Final = "/faults"
@@ -39,10 +40,11 @@ def run_history(recording: Recording) -> RecordedHistories:
     program = known.program
     found = minds(recording)
     kills = _kills(recording)
+    truth = true_places(recording)
     listeners: dict[int, HistoryListener] = {}
     problems = list(known.problems)
     for mind, following in zip(found, [*found[1:], None], strict=True):
-        listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program))
+        listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program, truth.get(mind.robot)))
         again = following is not None and following.robot == mind.robot
         problem = _replayed(mind, listener, kills[mind.robot], again=again)
         if problem:

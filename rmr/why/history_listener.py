@@ -16,6 +16,8 @@ from rmr.node.config import NodeConfig
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.driver import Driver
 from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
+from rmr.node.motion.hindrance import Hindrance
+from rmr.node.motion.localiser import MISTAKEN_M
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import Spoken
@@ -56,6 +58,7 @@ from rmr.why.robot_history import (
     RobotHistory,
     TimedFiring,
 )
+from rmr.why.true_places import TruePlaces
 
 LATE: Duration = NS_PER_S // TICK_HZ
 """A call that comes later than it was due by more than a frame is late."""
@@ -82,7 +85,9 @@ class HistoryListener:
     any other call, and `died` when its process ends; `ended` at the end of the run.
     """
 
-    def __init__(self, robot: int, program: Program) -> None:
+    def __init__(self, robot: int, program: Program, truth: TruePlaces | None = None) -> None:
+        """`truth`: where the robot was, if the recording tells."""
+        self._truth = truth
         self.history = RobotHistory(robot)
         self._robot = robot
         self._program = program
@@ -158,7 +163,18 @@ class HistoryListener:
         self._take_waits(node, now)
         drive = node.actions.driving
         since = None if drive is None else drive.started
-        self._take_motion(now, motion_state(now, node.driver, node.peers, self._robot, node.config.roster, since))
+        state = motion_state(now, node.driver, node.peers, self._robot, node.config.roster, since)
+        self._take_motion(now, self._mistaken(now, node, state))
+
+    def _mistaken(self, now: Instant, node: WatchedNode, state: MotionState | None) -> MotionState | None:
+        """Return what the wheels do: of a robot on its way that is mistaken about its position, that it is so."""
+        pose = None if node.driver is None else node.driver.localiser.pose
+        if self._truth is None or pose is None or state is None or state.motion is Motion.IDLE:
+            return state
+        off_m = self._truth.off_m(now, pose)
+        if off_m <= MISTAKEN_M:
+            return state
+        return MotionState(Motion.LOCATES, Hindrance("", place=f"its estimate was {off_m:.1f} m off"))
 
     def _take_motion(self, now: Instant, state: MotionState | None) -> None:
         """Take in what the wheels do. Between a drive's beginning and its first frame they do what that frame finds."""

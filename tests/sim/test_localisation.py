@@ -4,10 +4,12 @@ import math
 from pathlib import Path
 
 import pytest
+from drawn_beacons import drawn
 
 from rmr.base.time import seconds
-from rmr_sim.run_setup import Options, load
+from rmr_sim.run_setup import Options, load, report_of
 from rmr_world.finding import LabError
+from rmr_world.run_warnings import run_warnings
 
 PROGRAM = """
 type action moveto(R: robot, A: area) -o at(R, A).
@@ -96,3 +98,28 @@ def test_a_drive_fails_when_the_robot_does_not_find_itself_again(tmp_path):
     failure = simulation.robots[0].report()["first_failure"]
     assert "does not know any more where it is" in failure[-1]
     assert simulation.world.distance_m(1) < 1.0
+
+
+def test_a_robot_that_is_mistaken_is_named_with_how_far_off_it_is(tmp_path):
+    simulation = loaded(tmp_path, CORNERS).simulation(1)
+    driver = simulation.robots[0].node.driver
+
+    def look(now):
+        ekf = driver.localiser._ekf
+        if now == seconds(1):
+            simulation.silence(1, seconds(100))  # nothing contradicts the estimate
+            ekf.x, ekf.y = ekf.y, ekf.x
+
+    simulation.observers.append(look)
+    simulation.run()
+    report = report_of(simulation, False)
+    told = {each["check"]: each["words"] for each in report["violations"]}
+    assert "robot 1 is mistaken: its estimate is (" in told["position"]
+    assert "robot 1: its estimate is (" in told["contact"]
+    assert report["robots"]["1"]["off_m"] > 0.2
+    assert any("was mistaken about its position" in line for line in run_warnings(report))
+
+
+@pytest.mark.parametrize("seed", range(1, 31))
+def test_wherever_beacons_stand_the_estimate_is_near_or_the_lab_is_refused(seed, tmp_path):
+    assert drawn(seed, tmp_path).is_right

@@ -28,7 +28,7 @@ from rmr.mind.durable_node import DurableNode
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
-from rmr.node.report import robot_report
+from rmr.node.report import off_m, robot_report
 from rmr_sim.disk import Disk
 from rmr_sim.robot_host import RobotHost
 from rmr_sim.robot_programs import LOAD_OCTET, RobotPrograms
@@ -305,4 +305,5 @@ class SimulatedRobot:
             part = with_lost_jobs(part)
         part = merged_report(self._past, part)
         part["distance_m"] = round(self._host.world.distance_m(self.robot), 3)
+        part["off_m"] = off_m(self.node, self._host.world.pose(self.robot))
         return part

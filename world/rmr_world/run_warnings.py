@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rmr.bus.late_messages import ROW_MIN
+from rmr.node.motion.localiser import MISTAKEN_M
 
 TEXT_MAX = 120
 """Characters of a fact, an action or a reason that are printed."""
@@ -38,7 +39,20 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
         )
+    lines += [words for robot, part in parts.items() for words in position_warnings(robot, part)]
     return [*lines, *_braked(report), *_stood(parts), *_dropped(parts), *_omitted(parts, report)]
+
+
+def position_warnings(robot: str, part: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is amiss with how `robot` knew where it was, from its part of the report."""
+    off_m = part.get("off_m")
+    if off_m is not None and off_m > MISTAKEN_M:
+        yield f"robot {robot} was mistaken about its position: at the end its estimate was {off_m:.2f} m off"
+    if dropped := part.get("estimates_dropped"):
+        times = "once" if dropped == 1 else f"{dropped} times"
+        yield f"robot {robot} dropped its estimate of its position {times}: ranges contradicted it; it stood meanwhile"
+    if refused := part.get("samples_refused"):
+        yield f"robot {robot} dropped {refused} samples that no body can produce after the ones before"
 
 
 def unhandled_failures(report: Mapping[str, Any]) -> int:

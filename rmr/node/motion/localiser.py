@@ -45,6 +45,8 @@ RANGE_NOISES: Final = 10.0
 """Range beyond the diagonal of the floor, in standard deviations."""
 AHEAD_MAX: Final[Duration] = milliseconds(500)
 """How far ahead of the robot's clock a sample may be stamped: clocks agree within milliseconds."""
+MISTAKEN_M: Final = 0.2
+"""Distance between estimate and truth from which checkers and explanations count localisation as the cause."""
 REFUSED_MAX: Final = 10
 """Refused samples in a row, each possible after the one before, that show that the last accepted one was wrong."""
 

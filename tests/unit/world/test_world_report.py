@@ -41,8 +41,8 @@ def test_the_report_has_the_keys_of_the_contract():
     ]  # fmt: skip
     assert report["deadlines"] == {"met": 1, "missed": 1, "best_possible": 2}
     assert sorted(report["robots"]["1"]) == [
-        "assertions", "distance_m", "expression_failures", "facts", "finish_s", "frames", "goals",
-        "late_samples", "left_out", "lost_in_restart", "restarts",
+        "assertions", "distance_m", "estimates_dropped", "expression_failures", "facts", "finish_s", "frames", "goals",
+        "late_samples", "left_out", "lost_in_restart", "off_m", "restarts", "samples_refused",
         "tasks_skipped", "ticks", "ticks_late", "undelivered",
     ]  # fmt: skip
 

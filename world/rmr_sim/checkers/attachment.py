@@ -5,6 +5,7 @@ from rmr_sim.checkers.deadline_checker import DeadlineChecker
 from rmr_sim.checkers.delivery_checker import DeliveryChecker
 from rmr_sim.checkers.leader_checker import LeaderChecker
 from rmr_sim.checkers.passage_checker import PassageChecker
+from rmr_sim.checkers.position_checker import PositionChecker
 from rmr_sim.checkers.progress_checker import ProgressChecker
 from rmr_sim.checkers.run_view import RunView
 from rmr_sim.checkers.schedule_checker import ScheduleChecker
@@ -18,6 +19,7 @@ CHECKERS = (
     DeadlineChecker,
     DeliveryChecker,
     ProgressChecker,
+    PositionChecker,
 )
 
 

@@ -23,5 +23,7 @@ class ContactChecker:
             x = round(contact.x, 2) + 0.0
             y = round(contact.y, 2) + 0.0  # no negative zero
             words = f"robot {contact.robot} touched {other} at ({x:.2f}, {y:.2f})"
+            mistakes = [f"robot {robot}: {said}" for robot in robots if (said := self._view.mistake(robot))]
+            words = "; ".join([words, *mistakes])
             self._view.violate(contact.at, CONTACT, robots, words)
         self._seen = len(self._contacts)

@@ -102,7 +102,9 @@ class ProgressChecker:
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
         view = self._view
-        reasons = list(filter(None, [view.node(robot).services.blocked]))
+        driver = view.node(robot).driver
+        lost = "it does not know where it is" if driver is not None and driver.localiser.pose is None else ""
+        reasons = list(filter(None, [lost, view.mistake(robot), view.node(robot).services.blocked]))
         world = view.simulation.world
         arena = view.simulation.lab.arena
         crossing = view.node(robot).crossings.current

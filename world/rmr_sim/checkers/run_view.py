@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
+from rmr.node.motion.localiser import MISTAKEN_M
 from rmr.node.node import Node
 from rmr.radio.links import SHADOWING_SIGMAS, Disturbance
 from rmr.radio.phy import path_loss_db
@@ -57,6 +58,25 @@ class RunView:
     def alive(self, robot: int) -> bool:
         """Return whether the process of `robot` runs or is stopped, but is not dead."""
         return self._robots[robot].alive
+
+    def off_m(self, robot: int) -> float:
+        """Return how far the estimate of `robot` is off its true position, metres; 0 without one."""
+        driver = self.node(robot).driver
+        pose = None if driver is None else driver.localiser.pose
+        if pose is None or not self.alive(robot):
+            return 0.0
+        x, y, _ = self.simulation.world.pose(robot)
+        return math.hypot(pose.x - x, pose.y - y)
+
+    def mistake(self, robot: int) -> str:
+        """Return how far the estimate of `robot` is off, in words; empty if it is near, or there is none."""
+        driver = self.node(robot).driver
+        pose = None if driver is None else driver.localiser.pose
+        off_m = self.off_m(robot)
+        if pose is None or off_m <= MISTAKEN_M:
+            return ""
+        x, y, _ = self.simulation.world.pose(robot)
+        return f"its estimate is ({pose.x:.2f}, {pose.y:.2f}), it is at ({x:.2f}, {y:.2f}), {off_m:.2f} m off"
 
     def life(self, robot: int) -> int:
         """Return the number of restarts of `robot` at which it lost its memory."""
