@@ -72,7 +72,7 @@ CUT_OFF: Final = 8
 class ReportedState:
     """What another robot last said about itself. It is never changed."""
 
-    __slots__ = ("at", "parked", "rank", "robot", "silent", "vx", "vy", "x", "y")
+    __slots__ = ("at", "parked", "rank", "robot", "settled", "silent", "vx", "vy", "x", "y")
 
     def __init__(
         self,
@@ -85,6 +85,8 @@ class ReportedState:
         parked: bool,
         silent: bool,
         rank: int = 0,
+        *,
+        settled: bool = False,
     ) -> None:
         self.robot: Final = robot
         self.x: Final = x
@@ -99,6 +101,8 @@ class ReportedState:
         """It has not been heard for longer than chance explains."""
         self.rank: Final = rank
         """Its place in the order, from 1; 0: none."""
+        self.settled: Final = settled
+        """It has stood for so long that it knows its place better than a robot that drives."""
 
 
 class Hearing:

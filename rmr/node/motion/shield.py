@@ -29,30 +29,6 @@ STEP_M: Final = 0.002
 STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
 
 
-TRY_SHARES: Final[tuple[float, ...]] = (1.0, 0.75, 0.5, 0.25)
-"""Shares of a command that are tried where somebody drives near."""
-TRY_STEP_S: Final = 0.05
-"""Step in time along the way to stand; two robots come nearer by 2 cm in it, at most."""
-TURNS: Final = 1.5
-"""Rate at which a robot may have turned since it was heard, rad/s."""
-
-
-@final
-class DrivingBody:
-    """A robot that drives, in the own frame. It is never changed."""
-
-    __slots__ = ("keep", "vx", "vy", "x", "y")
-
-    def __init__(self, x: float, y: float, vx: float, vy: float, keep: float) -> None:
-        self.x: Final = x
-        self.y: Final = y
-        self.vx: Final = vx
-        """m/s over the floor."""
-        self.vy: Final = vy
-        self.keep: Final = keep
-        """Least distance between the centres, metres."""
-
-
 @final
 class TakenDisc:
     """Where the hull of another robot may be until this robot stands. It is never changed."""
@@ -105,51 +81,6 @@ class Shield:
         for other in others:
             free = _way_past(twist, other, free)
         return 1.0 if free >= way else self._speed_on(free) / speed
-
-    def driving(self, x: float, y: float, vx: float, vy: float, sigma_m: float, age: Duration) -> DrivingBody:
-        """Return a robot that drives with (vx, vy), m/s, at (x, y) in the own frame, by a report of the age `age`."""
-        since_s = in_seconds(age)
-        turned_m = 0.5 * self._speed * TURNS * since_s * since_s
-        return DrivingBody(x, y, vx, vy, self._touch + SIGMAS * sigma_m + turned_m)
-
-    def among(self, twist: Twist, others: list[DrivingBody]) -> float:
-        """Return a share of `twist` with which the robot comes no nearer to any of `others` until it stands; 0 to 1.
-
-        Each of them goes on as it does, or brakes at any instant. At no instant is it nearer than it keeps, or than
-        it would be if this robot stood.
-        """
-        speed = abs(twist.v)
-        reach = self._way(speed) + self._speed * self._stop_s
-        near = [other for other in others if hypot(other.x, other.y) - other.keep < reach]
-        if not near or speed == 0.0:
-            return 1.0
-        for share in TRY_SHARES:
-            if all(self._is_clear(twist, share, other) for other in near):
-                return share
-        return 0.0
-
-    def _is_clear(self, twist: Twist, share: float, other: DrivingBody) -> bool:
-        speed = share * abs(twist.v)
-        forward = 1.0 if twist.v > 0.0 else -1.0
-        bend = twist.w / abs(twist.v)
-        brake = self._brake
-        lag_s = self._lag_s
-        stands_s = lag_s + speed / brake
-        other_speed = hypot(other.vx, other.vy)
-        t = 0.0
-        while t < stands_s:
-            t = min(stands_s, t + TRY_STEP_S)
-            braked_s = max(0.0, t - lag_s)
-            s = speed * t - 0.5 * brake * braked_s * braked_s
-            x = forward * _along(bend, s)
-            y = forward * _aside(bend, s)
-            # The other one is between the place where it would be if it had braked at once, and if it has gone on.
-            stops_s = min(t, other_speed / brake)
-            least = stops_s - 0.5 * brake * stops_s * stops_s / other_speed
-            away = _apart(other, x, y, least, t)
-            if away < other.keep and away < _apart(other, 0.0, 0.0, least, t):
-                return False
-        return True
 
     def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float) -> float:
         """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.
@@ -228,13 +159,3 @@ def _along(bend: float, s: float) -> float:
 def _aside(bend: float, s: float) -> float:
     """Return the coordinate to the left, metres, after `s` on an arc of the curvature `bend`, 1/m."""
     return 0.5 * bend * s * s if abs(bend * s) < 1e-6 else (1.0 - math.cos(bend * s)) / bend
-
-
-def _apart(other: DrivingBody, x: float, y: float, least: float, most: float) -> float:
-    """Return the distance of (x, y) from the places of `other` after `least` to `most` seconds at its velocity."""
-    vx = other.vx
-    vy = other.vy
-    dx = x - other.x
-    dy = y - other.y
-    nearest = min(most, max(least, (dx * vx + dy * vy) / (vx * vx + vy * vy)))
-    return hypot(dx - nearest * vx, dy - nearest * vy)

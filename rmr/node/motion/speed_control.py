@@ -10,14 +10,14 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import Instant
 from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import DrivingBody, Shield
+from rmr.node.motion.shield import Shield, TakenDisc
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
@@ -33,6 +33,13 @@ REVERSE_LOOK_RAD: Final = 0.3
 """How far to both sides it looks for more room."""
 REVERSE_DIFFERENCE_M: Final = 0.001
 """Least difference of the room on both sides: less is in a corner, or straight before a wall."""
+
+VIEW_SIGMA_M: Final = 0.003
+"""Standard deviation of the distance to a body in view: it is measured as it is, by one sensor, not told by the other
+robot; 2 mm by the sensor, and what both drive until it is used."""
+SETTLED_SHARE: Final = 0.6
+"""Standard deviation of the place of a robot that has stood for a second, as a share of that of one that drives there:
+at most 0.5, but near the line through the beacons (docs/safety.md)."""
 
 SIGHT_RADIUS_M: Final = 0.5
 """Least radius of an arc that leads only over floor that was in view just before."""
@@ -168,56 +175,36 @@ class SpeedControl:
         pose = self.scene.pose
         shield = self._shield
         share = shield.within(twist, pose, self.arena, self.sigma_m) if walls else 1.0
-        # A robot under way that stands may set out again; where it stands is what is known of it.
-        parked = [other for other in self.hearing.fresh if other.parked or (other.vx == 0.0 and other.vy == 0.0)]
-        if parked:
-            cos = math.cos(pose.theta)
-            sin = math.sin(pose.theta)
-            # The others locate themselves by the same beacons: their estimates are taken to be as good as the own.
-            sigma = math.sqrt(2.0) * self.sigma_m
-            discs = []
-            for other in parked:
-                dx = other.x - pose.x
-                dy = other.y - pose.y
-                discs.append(shield.parked(dx * cos + dy * sin, dy * cos - dx * sin, sigma))
-            share = min(share, shield.past(twist, discs))
-        driving = self._driving(pose)
-        if driving:
-            share = min(share, shield.among(twist, driving))
+        share = min(share, shield.past(twist, self._standing(pose)))
         if share >= 1.0:
             return twist
         self._switches.count("shield")
         self.law.limited_by = "shield"
         return Twist(share * twist.v, share * twist.w)
 
-    def _driving(self, pose: Pose) -> list[DrivingBody]:
-        """Return the robots near that drive: as they are seen, and where they are not in view as they were heard."""
+    def _standing(self, pose: Pose) -> list[TakenDisc]:
+        """Return the robots near that stand: those in view as they are seen, the others as they were heard."""
         shield = self._shield
-        sigma = math.sqrt(2.0) * self.sigma_m
-        found = [
-            shield.driving(body.x, body.y, body.vx, body.vy, sigma, 0)
-            for body in self._seen[: self.scene.remembered_from]
-            if body.vx != 0.0 or body.vy != 0.0
-        ]
+        seen = self._seen[: self.scene.remembered_from]
+        standing = [shield.parked(body.x, body.y, VIEW_SIGMA_M) for body in seen if body.vx == 0.0 and body.vy == 0.0]
+        # The others locate themselves by the same beacons: their estimates are taken to be as good as the own, and
+        # better where they have stood while this robot drove.
+        as_good = math.sqrt(2.0) * self.sigma_m
+        settled = hypot(1.0, SETTLED_SHARE) * self.sigma_m
         cos = math.cos(pose.theta)
         sin = math.sin(pose.theta)
         radius = self.arena.shape.radius
-        now = self.scene.now
-        seen = self._seen[: self.scene.remembered_from]
         for other in self.hearing.fresh:
-            if other.parked or (other.vx == 0.0 and other.vy == 0.0):
+            # A robot under way that stands may set out again; where it stands is what is known of it.
+            if not other.parked and (other.vx != 0.0 or other.vy != 0.0):
                 continue
-            age_s = in_seconds(now - other.at)
-            dx = other.x + other.vx * age_s - pose.x
-            dy = other.y + other.vy * age_s - pose.y
+            dx = other.x - pose.x
+            dy = other.y - pose.y
             x = dx * cos + dy * sin
             y = dy * cos - dx * sin
-            if any(hypot(body.x - x, body.y - y) <= radius for body in seen):
-                continue
-            vx = other.vx * cos + other.vy * sin
-            vy = other.vy * cos - other.vx * sin
-            found.append(shield.driving(x, y, vx, vy, sigma, now - other.at))
-        return found
+            if all(hypot(body.x - x, body.y - y) > radius for body in seen):
+                standing.append(shield.parked(x, y, settled if other.settled else as_good))
+        return standing
 
     def others(self, standing: Iterable[Point]) -> list[Point]:
         """Return where bodies are now, on the floor: those seen, and those heard to be `standing`."""

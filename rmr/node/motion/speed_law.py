@@ -155,8 +155,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         HazardStage.WHEELS,
         "a robot or a wall that is nearer than estimated",
         "the command is slowed along its arc, so that the robot [can always stand](safety.md#the-shield) three "
-        "standard deviations of its estimate short of each wall and each standing robot that it has heard; nearer than "
-        "that it only drives away. It comes no nearer to one that drives, whether that goes on or brakes",
+        "standard deviations of its estimate short of each wall and each standing robot that it sees or has heard; "
+        "nearer than that it only drives away",
         "shield.py",
     ),
     Hazard(

@@ -29,6 +29,8 @@ CLAIM_KNOWN: Final[Duration] = seconds(15)
 
 MOVED_M: Final = 0.015
 """Distance between two hellos below which the sender may have stood: positions in hellos are rounded to centimetres."""
+SETTLES: Final[Duration] = seconds(1)
+"""After this time at one place the estimate of a robot has settled (docs/safety.md, the shield)."""
 CLOSE_M: Final = 0.01
 """Gap between two hulls below which they count as touching."""
 
@@ -60,6 +62,8 @@ class Peer:
     hello_at: Instant = 0
     stays_until: Instant = 0
     """It stands until then; counted from when it said so, however late that was read."""
+    stands_since: Instant = NEVER
+    """When it was first heard to stand, parked, where it is parked now; NEVER: it drives."""
     sets_out: bool = False
     """It is where it was when it said hello before: if it says that it drives, it has only set out."""
     driving: Heard | None = None
@@ -118,6 +122,10 @@ class Peers:
         old = peer.hello
         dead = at - peer.hello_at > DEAD
         peer.sets_out = old is not None and max(abs(hello.x - old.x), abs(hello.y - old.y)) < MOVED_M
+        if not hello.parked:
+            peer.stands_since = NEVER
+        elif peer.stands_since == NEVER or not peer.sets_out:
+            peer.stands_since = at
         peer.hello = hello
         peer.hello_at = at
         if self.links is not None:
@@ -223,7 +231,11 @@ class Peers:
                 v = 0.0 if stands else hello.v
                 vx = v * math.cos(hello.theta)
                 vy = v * math.sin(hello.theta)
-                known.append(ReportedState(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
+                settled = now - peer.stands_since >= SETTLES
+                state = ReportedState(
+                    robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank, settled=settled
+                )
+                known.append(state)
         return known
 
     def hides(self, now: Instant, pose: Pose, shape: RobotShape, roster: Sequence[int], robot: int) -> bool:

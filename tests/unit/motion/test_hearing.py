@@ -148,6 +148,23 @@ def test_a_body_in_view_that_said_that_it_is_there_is_no_silent_one() -> None:
     assert made.forbids(seconds(2), HERE, [SeenBody(0.25, 0.0, 0.0, 0.0)])
 
 
+def test_a_parked_robot_has_settled_when_it_has_been_heard_there_for_a_second() -> None:
+    peers = Peers()
+
+    def settled(now: float, x: float, *, parked: bool) -> list[bool]:
+        peers.heard(seconds(now), 2, -50.0)
+        peers.hello(seconds(now), 2, Hello(x, 0.5, 0.0, 0.0, parked, 0, None))
+        return [one.settled for one in peers.heard_of(seconds(now), HERE, 0.07)]
+
+    assert settled(1.0, 0.8, parked=True) == [False]
+    assert settled(1.5, 0.81, parked=True) == [False]
+    assert settled(2.0, 0.8, parked=True) == [True]
+    assert settled(2.2, 0.8, parked=False) == [False]
+    assert settled(2.4, 0.8, parked=True) == [False]
+    assert settled(3.4, 0.8, parked=True) == [True]
+    assert settled(4.4, 0.83, parked=True) == [False], "it stands elsewhere"
+
+
 @pytest.mark.parametrize("parked", [False, True])
 def test_a_peer_is_silent_for_a_while_and_then_dead_where_it_fell(parked: bool) -> None:
     peers = Peers()
