@@ -146,7 +146,7 @@ class History:
         self.robots[robot] = Exchange(9, self.lives[robot], Random(self.lives[robot]))
         ended, self.dead[robot] = self.dead[robot], None
         assert ended is not None
-        self.robots[robot].predecessor_ended = ended if self.tells_end else self.now
+        self.robots[robot].predecessor_ended = ended + 1 if self.tells_end else self.now
         if robot == RECEIVER:
             self.ended = ended
             self.arrived.append([])

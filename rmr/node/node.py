@@ -131,7 +131,8 @@ class Node:
         self.state.now = now
         self._started = True
         ended = self.config.predecessor_ended
-        self.messenger.exchange.predecessor_ended = max(0, now if ended is None else ended)
+        # Where frames take no time, it may have taken one that left in the very instant of its end.
+        self.messenger.exchange.predecessor_ended = max(0, now if ended is None else ended + 1)
         self.machine.start(now)
         life = shared_of(self.program).life
         if life is not None:

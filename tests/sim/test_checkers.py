@@ -404,8 +404,8 @@ def keep_all_but_accepted(exchange, tell):
 
 
 def test_fact_lost_in_transit_without_a_record_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr(Exchange, "_transmit", lambda self, now, outgoing, due: None)
-    simulation = greeting(tmp_path, duration="61s")
+    monkeypatch.setattr(Exchange, "_transmit", lambda self, now, peer, outgoing: None)
+    simulation = greeting(tmp_path, duration="91s")
     simulation.run()
     words = "what robot 1 sent robot 2 is neither delivered nor reported undelivered"
     assert found(simulation) == [("delivery", (1, 2), words)]

@@ -21,7 +21,7 @@ what is missing.
 
 A delivery takes effect in one life of its receiver at most. Frames are addressed to the life that the sender knows of,
 at first to number 0. A receiver drops what is meant for an earlier life of it and answers with its own, and with an
-instant at which the earlier one had ended (`FACT_LIFE`). What the sender first sent until that instant it gives up as
+instant at which the earlier one had ended (`FACT_LIFE`). What the sender first sent before that instant it gives up as
 `Outcome.OUTLIVED`: the earlier life may have taken it and passed it on. All else it sends to the new life. No receiver
 forgets its own number, and a frame is first sent after its delivery was addressed; so the earlier life cannot have
 taken what the new one takes. `lasting` deliveries are the exception: they are repeated to each life.

@@ -249,12 +249,12 @@ class Recipient:
     def begin_life(self, life: int, ended: Instant, to: int) -> list[Outgoing]:
         """Mean another life of the robot, with the address `to`; remove and return what an earlier one may have got.
 
-        That is what was first sent until the instant `ended`, when the earlier life had ended: without latency, a frame
-        of that very instant may have arrived. The rest is sent to the new one.
+        That is what was first sent before the instant `ended`, when the earlier life had ended. The rest is sent to the
+        new one.
         Lasting deliveries stay: their programs tell lives apart themselves.
         """
         self.life = life
-        lost = [each for each in self.under_way() if each.sent <= ended and not each.lasting]
+        lost = [each for each in self.under_way() if each.sent < ended and not each.lasting]
         for outgoing in lost:
             self.remove(outgoing)
         for outgoing in (*self.under_way(), *self.unordered.parked.values()):

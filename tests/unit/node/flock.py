@@ -1,6 +1,7 @@
 """Robots without bodies in virtual time: nodes, a link that carries frames in 5 ms, and faults to order."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from random import Random
 from textwrap import dedent
 from typing import Any
@@ -90,6 +91,7 @@ class Flock:
         trace: TraceLevel = TraceLevel.FACTS,
         roster: Sequence[int] = (),
         epoch: int = 0,
+        predecessor_ended: Instant | None = None,
         **ports: Any,
     ) -> None:
         compilation = compile_source(dedent(source), "flock.rmr")
@@ -114,7 +116,8 @@ class Flock:
 
         def node_of(robot: int) -> Callable[[Ports], Node]:
             config = NodeConfig(robot, tuple(roster) or ids, NOWHERE, 1, epoch=epoch, trace=trace, turn=turn)
-            return lambda given: Node(config, self.program, given, handlers, 7)
+            life = replace(config, predecessor_ended=predecessor_ended)
+            return lambda given: Node(life, self.program, given, handlers, 7)
 
         self.robots = {robot: _Robot(self, robot, node_of(robot), ports) for robot in ids}
         for robot in self.robots.values():

@@ -3,6 +3,7 @@
 from random import Random
 
 import pytest
+from flock import Flock
 
 from rmr.base.time import milliseconds, seconds
 from rmr.node import payloads
@@ -74,20 +75,9 @@ def test_a_relay_that_dies_before_its_acknowledgement_arrives_does_not_take_the_
     assert sender.idle
 
 
-def test_what_was_first_sent_at_the_instant_of_the_death_may_have_arrived():
-    """Where frames take no time, as with `rmr eval --latency 0`."""
-    sender, relay = exchange(), exchange()
-    sender.send(KILLED_AT, RECEIVER, FACT, b"parcel")
-    assert give(relay, KILLED_AT, leaving(sender), SENDER) == [b"parcel"]
-    relay = exchange(1, KILLED_AT)
-    sender.wake(BACK_AT)
-    assert talk(sender, relay, BACK_AT) == []
-    assert sender.news[-1] == News(Outcome.OUTLIVED, RECEIVER, FACT)
-
-
 def test_what_was_first_sent_after_the_death_goes_to_the_new_life():
     sender = exchange()
-    sender.send(KILLED_AT + 1, RECEIVER, FACT, b"while it is dead")
+    sender.send(KILLED_AT, RECEIVER, FACT, b"while it is dead")
     leaving(sender)
     relay = exchange(1, KILLED_AT)
     sender.wake(BACK_AT)
@@ -176,3 +166,10 @@ def test_deliveries_to_a_first_life_have_the_octets_of_the_program_alone():
     again = payloads.addressed(frame, payloads.address(0xBEEF, 3))
     assert len(again) == len(frame)
     assert payloads.decode_fact_frame(again)._replace(address=0xBEEF) == payloads.decode_fact_frame(frame)
+
+
+@pytest.mark.parametrize(("ended", "told"), [(None, 0), (milliseconds(700), milliseconds(700) + 1)])
+def test_what_was_first_sent_in_the_instant_of_the_death_may_have_been_taken(ended, told):
+    """Where frames take no time, as with `rmr eval --latency 0`, it was."""
+    flock = Flock("start(@1).", epoch=1, predecessor_ended=ended)
+    assert flock.node(1).messenger.exchange.predecessor_ended == told
