@@ -71,7 +71,7 @@ class Drive(LocatedSteps):
         if node.motion.status == "arrived" or self.is_idle():
             return None
         waits = self._permit is not None and self._permit.waits
-        self._barred.look(node.motion.goal or self._goal, len(node.config.roster) if waits else 1)
+        self._barred.look(node.motion.goal or self._goal, before_turn=waits)
         return self._looks
 
 
@@ -101,7 +101,7 @@ class BarredDrive:
     To and fro before a body the way may seem free for a moment: so near to the start margins are less.
     """
 
-    __slots__ = ("_by_dead", "_by_standing", "_look_at", "_node")
+    __slots__ = ("_by_dead", "_by_standing", "_look_at", "_node", "_waited_until")
 
     def __init__(self, node: ActionHost) -> None:
         self._node = node
@@ -109,6 +109,8 @@ class BarredDrive:
         self._by_standing = Lasting()
         self._look_at: Instant = 0
         """When to look next."""
+        self._waited_until: Instant = 0
+        """When it was not yet the robot's turn, at the last such look."""
 
     @property
     def due(self) -> bool:
@@ -121,11 +123,11 @@ class BarredDrive:
             or bool(node.peers.lost(node.now))
         )
 
-    def look(self, goal: Point, robots: int) -> None:
+    def look(self, goal: Point, *, before_turn: bool) -> None:
         """Look whether there is a way to `goal`, if that is due.
 
-        Raises ActionFailed when the dead have barred the way for STUCK_S, or those that stand for that long for each of
-        `robots`: before a robot's turn those that go first may be in its way.
+        Raises ActionFailed when the dead have barred the way for STUCK_S, or those that stand: `before_turn` for that
+        long for each robot of the roster, for those that go first may be in its way, and then anew.
         """
         if not self.due:
             return
@@ -144,8 +146,14 @@ class BarredDrive:
         if dead_for > seconds(STUCK_S):
             raise ActionFailed(f"no way there: {node.blocked}")
         pose = node.pose
-        barred = pose is not None and node.motion.barred(pose)
-        if self._by_standing.note(now, barred) > seconds(STUCK_S) * robots:
+        barred_for = self._by_standing.note(now, pose is not None and node.motion.barred(pose))
+        if before_turn:
+            self._waited_until = now
+            allowed = seconds(STUCK_S) * len(node.config.roster)
+        else:
+            barred_for = min(barred_for, now - self._waited_until)
+            allowed = seconds(STUCK_S)
+        if barred_for > allowed:
             raise ActionFailed(_no_way(node, goal))
 
 

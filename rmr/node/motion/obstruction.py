@@ -1,7 +1,7 @@
 """Why a drive finds no way: the reason that a failed action gives to people.
 
 In this order: what makes the goal itself a place where no hull fits; the obstacles that close every way; the robots
-that stand on the goal, or along the way that there would be without them. No decision depends on it.
+that stand on the goal, or along the ways that there would be without them. No decision depends on it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,12 +51,26 @@ def obstruction(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Po
     standing = tuple([robot for robot, place in parked.items() if distance(*place, *goal) < keep])
     if standing:
         return Obstruction(f"{robots_named(standing)} at the goal", standing)
-    along = near_polyline(arena, found.points, parked)
+    along = _along_every_way(arena, start, goal, found.points, parked)
     if along:
         return Obstruction(f"{robots_named(along)} in the way", along)
     # No single robot stands on the shortest way, so those nearest to it leave too little room between them.
     close = near_polyline(arena, found.points, parked, 2.0 * keep)
     return Obstruction(f"{robots_named(close)} too near to the way", close) if close else Obstruction()
+
+
+def _along_every_way(
+    arena: Arena, start: Point, goal: Point, way: Sequence[Point], parked: Mapping[int, Point]
+) -> tuple[int, ...]:
+    """Return the robots on the `way` that there is without any, on the next one around these, and so on."""
+    named = list(near_polyline(arena, way, parked))
+    newest: Sequence[int] = named
+    while newest:
+        around = plan(arena, start, goal, [parked[robot] for robot in named])
+        left = {robot: place for robot, place in parked.items() if robot not in named}
+        newest = () if around is None else near_polyline(arena, around.points, left)
+        named += newest
+    return tuple(sorted(named))
 
 
 def near_polyline(

@@ -18,6 +18,12 @@ START, GOAL = Point(0.3, 0.5), Point(1.7, 0.5)
         (OPEN, GOAL, {3: Point(1.0, 0.1)}, ""),
         (OPEN, GOAL, {3: GOAL}, "robot 3 stands at the goal"),
         (OPEN, GOAL, {3: Point(1.0, 0.5), 4: Point(1.0, 0.6)}, "robots 3 and 4 stand in the way"),
+        (
+            OPEN,
+            GOAL,
+            {3: Point(1.0, 0.38), 4: Point(1.2, 0.62), 5: Point(1.1, 0.14), 6: Point(1.1, 0.86), 7: Point(0.3, 0.9)},
+            "robots 3, 4, 5 and 6 stand in the way",
+        ),
         (OPEN, Point(3.0, 0.5), {}, "(3, 0.5) is outside the arena"),
         (OPEN, Point(0.02, 0.5), {}, "the wall leaves no room for a robot at (0.02, 0.5)"),
         (PARTED, GOAL, {}, "the obstacle from (1, 0) to (1.1, 1) is in the way, and there is no way around it"),

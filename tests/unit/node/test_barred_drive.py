@@ -19,6 +19,7 @@ def barred():
     host = SimpleNamespace(
         now=seconds(1),
         arena=ARENA,
+        config=SimpleNamespace(roster=(1, 2, 3)),
         pose=Pose(3.0, 1.0, 0.0),
         blocked="",
         barred_by_lost=lambda _: "the way is blocked by robot 2",
@@ -37,11 +38,11 @@ def barred_by_living():
     return host, drive
 
 
-def look(host, drive, since_s, until_s, robots=1):
+def look(host, drive, since_s, until_s, before_turn=False):
     """Look once a second."""
     for second in range(since_s, until_s):
         host.now = seconds(second)
-        drive.look(GOAL, robots)
+        drive.look(GOAL, before_turn=before_turn)
 
 
 def test_drive_fails_after_its_way_was_barred_for_twenty_seconds():
@@ -49,7 +50,7 @@ def test_drive_fails_after_its_way_was_barred_for_twenty_seconds():
     look(host, drive, 1, 22)
     host.now = seconds(22)
     with pytest.raises(ActionFailed, match="robot 2"):
-        drive.look(GOAL, 1)
+        drive.look(GOAL, before_turn=False)
 
 
 def test_time_for_which_the_robot_itself_was_stopped_does_not_count():
@@ -58,7 +59,7 @@ def test_time_for_which_the_robot_itself_was_stopped_does_not_count():
     look(host, drive, 1, 5)
     look(host, drive, 60, 75)
     host.now = seconds(90)
-    drive.look(GOAL, 1)
+    drive.look(GOAL, before_turn=False)
     look(host, drive, 91, 92)
 
 
@@ -78,15 +79,15 @@ def test_drive_fails_after_a_living_robot_has_stood_on_its_goal_for_twenty_secon
 
 def test_before_its_turn_a_drive_waits_for_each_robot_that_goes_first():
     host, drive = barred_by_living()
-    look(host, drive, 1, 62, robots=3)
+    look(host, drive, 1, 62, before_turn=True)
     with pytest.raises(ActionFailed, match="robot 2 stands at the goal"):
-        look(host, drive, 62, 63, robots=3)
+        look(host, drive, 62, 63, before_turn=True)
 
 
 def test_the_dead_are_waited_for_no_longer_before_a_turn():
     host, drive = barred()
     with pytest.raises(ActionFailed, match="blocked by robot 2"):
-        look(host, drive, 1, 23, robots=3)
+        look(host, drive, 1, 23, before_turn=True)
 
 
 def test_a_way_that_is_free_for_a_moment_does_not_begin_the_time_anew():
@@ -106,3 +107,11 @@ def test_a_way_that_is_free_for_longer_begins_the_time_anew():
     look(host, drive, 15, 25)
     host.motion.barred = lambda _: True
     look(host, drive, 25, 45)
+
+
+def test_what_was_in_the_way_before_its_turn_has_time_to_leave_in_it():
+    host, drive = barred_by_living()
+    look(host, drive, 1, 55, before_turn=True)
+    look(host, drive, 55, 75)
+    with pytest.raises(ActionFailed):
+        look(host, drive, 75, 76)
