@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A worker that dies ends the run with the tests so far: with another one in its place some runs never end.
 XDIST := --max-worker-restart=0
 
-.PHONY: help demo test test-fast test-slow test-all fast wheel lint bench paper validate-radio lock clean install
+.PHONY: help demo test test-fast test-slow test-all fast wheel lint bench score score-ci paper validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -60,6 +60,12 @@ bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	@missed=; for each in run compile engine columns radio cells; do \
 		$(BIN)/python tests/bench/$$each.py || missed="$$missed $$each"; \
 	done; test -z "$$missed" || { echo "not all targets are met:$$missed" >&2; exit 1; }
+
+score: $(STAMP) ## all provided labs and thirty drawn ones beside the last landed score: docs/score.md
+	RMR_COMPILED= $(BIN)/python tests/score/score.py $(SCORE)
+
+score-ci: $(STAMP) ## the part of the score that CI runs
+	RMR_COMPILED= $(BIN)/python tests/score/score.py --ci $(SCORE)
 
 paper: $(VENV)/.paper ## every figure and table of docs/evaluation, from scratch, and which targets are met
 	$(BIN)/python -m rmr.compiled.build --if-possible

@@ -10,7 +10,7 @@ floor of a seed does not change with the product.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from random import Random
@@ -280,15 +280,15 @@ def pixels(floor: Floor, step: float) -> bytes:
 
 
 def places(
-    rng: Random, floor: Floor, radius: float, count: int, *, side: tuple[float, float] = (0.0, 1.0), parked: bool = True
+    rng: Random, floor: Floor, radius: float, count: int, *, beside: Sequence[Point] = (), parked: bool = True
 ) -> list[Point]:
-    """Return up to `count` places to stand, between two shares of the width; see the module for what keeps them apart.
+    """Return up to `count` places to stand, apart from those in `beside`; the module says what keeps them apart.
 
     Where robots park for good (`parked`), the openings have room to their ends, too.
     """
     found: list[Point] = []
-    for place in _candidates(rng, floor, radius, count, side):
-        apart = all(distance(*place, *other) >= 4.0 * radius + 0.1 for other in found)
+    for place in _candidates(rng, floor, radius, count):
+        apart = all(distance(*place, *other) >= 4.0 * radius + 0.1 for other in (*beside, *found))
         clear = floor.clearance(place) >= 3.0 * radius + 0.08
         ends = (end for gate in floor.gates for end in gate.ends)
         if apart and clear and not (parked and any(distance(*place, *end) < 5.0 * radius for end in ends)):
@@ -298,11 +298,11 @@ def places(
     return found
 
 
-def _candidates(rng: Random, floor: Floor, radius: float, count: int, side: tuple[float, float]) -> Iterator[Point]:
-    """Yield points of the arena that keep from the outer wall: as near as a robot can stand, or so that one passes."""
+def _candidates(rng: Random, floor: Floor, radius: float, count: int) -> Iterator[Point]:
+    """Yield points of the arena at which the outer wall lets a robot stand."""
     margin = radius + 0.03
-    left, right = max(margin, side[0] * floor.width), min(floor.width - margin, side[1] * floor.width)
-    if right <= left or 2.0 * margin >= floor.height:
+    if 2.0 * margin >= min(floor.width, floor.height):
         return
     for _ in range(TRIES * count):
-        yield Point(round(rng.uniform(left, right), 3), round(rng.uniform(margin, floor.height - margin), 3))
+        x, y = rng.uniform(margin, floor.width - margin), rng.uniform(margin, floor.height - margin)
+        yield Point(round(x, 3), round(y, 3))

@@ -15,6 +15,7 @@ import argparse
 import math
 import sys
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -35,7 +36,7 @@ NEAR: Final = 0.7
 """Share of labs whose robots are near the default in radius, and of those in speed."""
 CROSSED_S_MAX: Final = 30.0
 """Time for the diagonal of the floor at full speed, at most: slower robots are drawn faster."""
-DURATION_S: Final = (45.0, 300.0)
+DURATION_S: Final = (45.0, 240.0)
 """Range of the duration of a run."""
 FROM_IMAGE: Final = 0.15
 """Share of floors that are given as images."""
@@ -65,6 +66,12 @@ class DrawnLab:
         if self.image is not None:
             (folder / "floor.pgm").write_bytes(self.image)
         return folder
+
+    @property
+    def digest(self) -> str:
+        """Identifies the files: another way to draw makes another lab of the same seed."""
+        parts = (yaml.safe_dump(self.lab, sort_keys=False), self.program)
+        return sha256("\0".join(parts).encode() + (self.image or b"")).hexdigest()[:12]
 
     def __str__(self) -> str:
         robot = self.lab["robot"]
@@ -232,7 +239,7 @@ def _duration_s(shape: Shape, work: Work, *, exclusive: bool) -> float:
     """Return several times what robots need that wait for each other now and then."""
     alone = sum(work.ideal_s) if exclusive else max(work.ideal_s, default=0.0)
     queue = len(work.ideal_s) * work.legs * (6.0 * shape.radius / shape.speed + 2.0)
-    return min(max(DURATION_S[0], 20.0 + 3.0 * alone + 1.5 * queue), DURATION_S[1])
+    return min(max(DURATION_S[0], 20.0 + 2.5 * alone + 1.2 * queue), DURATION_S[1])
 
 
 def command(seed: int, *, chaos: bool = False) -> str:

@@ -155,11 +155,11 @@ def _tour(scene: Scene) -> Work:
     """Each robot visits one to three places of a pool that all share, and parks at a place of its own."""
     rng = scene.rng
     goals = scene.goals()
-    pool = places(rng, scene.floor, scene.shape.radius, rng.randint(2, 6)) or goals[:1]
+    pool = places(rng, scene.floor, scene.shape.radius, rng.randint(2, 6), beside=goals)
     work = Work(HEAD + TOUR.format(word=scene.word), "done(R)", [], 0)
     work.areas |= {f"p{number}": {"at": list(place)} for number, place in enumerate(pool, 1)}
     for robot, (start, goal) in enumerate(zip(scene.starts, goals, strict=False), 1):
-        stops = rng.sample(range(len(pool)), rng.randint(1, min(3, len(pool))))
+        stops = rng.sample(range(len(pool)), min(len(pool), rng.randint(1, 3)))
         way = scene.way_s(start, *(pool[stop] for stop in stops), goal)
         names = ", ".join([*(f"p{stop + 1}" for stop in stops), f"g{robot}"])
         work.areas[f"g{robot}"] = {"at": list(goal)}
@@ -174,20 +174,22 @@ def _tour(scene: Scene) -> Work:
 
 def _carry(scene: Scene) -> Work:
     """Robots in one to three groups, each with a store that has a place for each of them."""
-    groups = scene.rng.randint(1, min(3, len(scene.starts)))
-    goals = scene.goals()
-    pool = places(scene.rng, scene.floor, scene.shape.radius, len(goals))
-    goals = goals[: len(pool)]
-    stores = [pool[group::groups] for group in range(groups)]
-    return _to_stores(scene, goals, stores)
+    found = scene.goals()
+    half = len(found) // 2  # the floor may have no place for more
+    pool = places(scene.rng, scene.floor, scene.shape.radius, len(found), beside=found)
+    goals = found if len(pool) == len(found) else found[:half]
+    pool = pool[: len(goals)] if len(goals) <= len(pool) else found[half : 2 * half]
+    groups = scene.rng.randint(1, max(1, min(3, len(goals))))
+    return _to_stores(scene, goals, [pool[group::groups] for group in range(groups)])
 
 
 def _station(scene: Scene) -> Work:
     """One to three stores with fewer places than robots, which therefore share them."""
     goals = scene.goals()
-    pool = places(scene.rng, scene.floor, scene.shape.radius, scene.rng.randint(1, 6))
-    count = scene.rng.randint(1, min(3, max(1, len(pool))))
-    middle = pool[:count]
+    pool = places(scene.rng, scene.floor, scene.shape.radius, scene.rng.randint(1, 6), beside=goals)
+    if not pool:
+        pool, goals = goals[:1], goals[1:]
+    middle = pool[: scene.rng.randint(1, max(1, min(3, len(goals))))]
     stores: list[list[Point]] = [[] for _ in middle]
     for place in pool:  # each joins the store that is nearest: the places of one lie together
         near = min(range(len(middle)), key=lambda number: distance(*middle[number], *place))
@@ -199,7 +201,7 @@ def _to_stores(scene: Scene, goals: Sequence[Point], stores: Sequence[Sequence[P
     wait_s = scene.wait_s()
     rounds = scene.rng.choice((1, 1, 2))
     work = Work(HEAD + CARRY.format(word=scene.word, wait=wait_s), "done(R)", [], 2 * rounds)
-    for number, slots in enumerate(stores, 1):
+    for number, slots in enumerate(filter(None, stores), 1):
         slotted = len(slots) > 1
         work.areas[f"s{number}"] = {"slots": [list(place) for place in slots]} if slotted else {"at": list(slots[0])}
     for robot, (start, goal) in enumerate(zip(scene.starts, goals, strict=False), 1):

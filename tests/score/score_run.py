@@ -9,13 +9,14 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from drawn_lab import ROOT, command, draw_lab
 
 from rmr.base.geometry import distance
-from rmr.base.time import NS_PER_S
+from rmr.base.time import NS_PER_S, Instant
 from rmr_sim.run_setup import LoadedLab, Options, load
 from rmr_sim.seed_run import Result, Row, reasons, run_seed
 from rmr_sim.simulation import Simulation
@@ -25,6 +26,10 @@ from rmr_world.lab_program import ProgramError
 
 CALIBRATION: Final = 40_000
 """Turns of the loop, about 20 ms."""
+SETTLED: Final = 2 * NS_PER_S
+"""From when on a robot should know its place."""
+LOOK: Final = NS_PER_S
+"""How often it is compared with the true one; ticks begin at whole seconds, too."""
 TOLD_MAX: Final = 3
 """Violations that a row quotes."""
 
@@ -99,22 +104,26 @@ class _Watched:
 
     def __init__(self, loaded: LoadedLab) -> None:
         self._loaded = loaded
-        self._last: Simulation | None = None
+        self._off_m: list[float] = []
 
     def simulation(self, seed: int) -> Simulation:
         """Return the run of `seed`."""
-        self._last = self._loaded.simulation(seed)
-        return self._last
+        run = self._loaded.simulation(seed)
+        run.observers.append(partial(self._look, run))
+        return run
+
+    def _look(self, run: Simulation, now: Instant) -> None:
+        """Note how far the robot that is most wrong about its place is off, once in a while."""
+        if now < SETTLED or now % LOOK:
+            return
+        for robot in run.robots:
+            pose = None if robot.node.driver is None else robot.node.driver.localiser.pose
+            if robot.alive and pose is not None:
+                self._off_m.append(distance(pose.x, pose.y, *run.world.pose(robot.robot)[:2]))
 
     def off_m(self) -> float | None:
-        """Return how far the robot that is most wrong about its place is off in the end, metres; None if none knows."""
-        run = self._last
-        found = [
-            distance(pose.x, pose.y, *run.world.pose(robot.robot)[:2])
-            for robot in (run.robots if run is not None else ())
-            if robot.node.driver is not None and (pose := robot.node.driver.localiser.pose) is not None
-        ]
-        return round(max(found), 3) if found else None
+        """Return how far a robot was off its estimate at most, metres; None if none knew its place."""
+        return round(max(self._off_m), 3) if self._off_m else None
 
 
 def _judged(result: Result) -> Row:
