@@ -57,7 +57,7 @@ lint: $(STAMP) ## ruff and mypy --strict
 
 bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python -m rmr.compiled.build --if-possible
-	@missed=; for each in run compile engine columns radio cells; do \
+	@missed=; for each in run compile engine columns radio cells gaps; do \
 		$(BIN)/python tests/bench/$$each.py || missed="$$missed $$each"; \
 	done; test -z "$$missed" || { echo "not all targets are met:$$missed" >&2; exit 1; }
 
