@@ -35,9 +35,11 @@ BEACONS: Final = (2, 8)
 NEAR: Final = 0.7
 """Share of labs whose robots are near the default in radius, and of those in speed."""
 CROSSED_S_MAX: Final = 30.0
-"""Time for the diagonal of the floor at full speed, at most: slower robots are drawn faster."""
+"""Time for the diagonal of the floor at full speed, at most: slower robots are made faster, up to the fastest."""
 DURATION_S: Final = (45.0, 240.0)
 """Range of the duration of a run."""
+CELLS_MAX: Final = 200_000
+"""Cells of the planning grid, of which a lab file may have 250,000."""
 FROM_IMAGE: Final = 0.15
 """Share of floors that are given as images."""
 ROOM: Final = (1.0, 2.0, 4.0, 16.0)
@@ -93,7 +95,8 @@ def _with_room(seed: int, room: float) -> DrawnLab:
     image = floor_rng.random() < FROM_IMAGE
     step = round(max(0.02, 0.2 * shape.radius), 2) if image else 0.01
     floor = draw_floor(floor_rng, kind, shape, count, step, room)
-    shape = Shape(shape.radius, max(shape.speed, round(math.hypot(floor.width, floor.height) / CROSSED_S_MAX, 2)))
+    least = min(SPEEDS_MPS[1], round(math.hypot(floor.width, floor.height) / CROSSED_S_MAX, 2))
+    shape = Shape(shape.radius, max(shape.speed, least))
     naming = _naming(rng, floor, program)
     tightness = rng.choice(("loose", "fair", "tight"))
     starts = places(stream(f"drawn/{seed}/starts"), floor, shape.radius, count, parked=False)
@@ -147,7 +150,9 @@ def _naming(rng: Random, floor: Floor, program: str) -> str:
 def _lab(seed: int, floor: Floor, shape: Shape, starts: list[Point], work: Work) -> dict[str, Any]:
     """Return the lab file without what is named and disturbed."""
     rng = stream(f"drawn/{seed}/headings")
-    cell = 0.05 if floor.width * floor.height < 60.0 else round(0.05 * max(1.0, shape.radius / DEFAULT_RADIUS_M), 2)
+    area = floor.width * floor.height
+    cell = 0.05 if area < 60.0 else round(0.05 * max(1.0, shape.radius / DEFAULT_RADIUS_M), 2)
+    cell = max(cell, math.ceil(100.0 * math.sqrt(area / CELLS_MAX)) / 100.0)
     poses = [[*start, f"{15 * rng.randrange(24)}deg"] for start in starts]
     return {
         "lab": f"drawn{seed}",

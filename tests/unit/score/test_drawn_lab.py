@@ -26,13 +26,21 @@ def files(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
-def test_a_seed_draws_the_same_files_in_every_process(tmp_path):
-    for seed in (2, 5, 17):
-        here = draw_lab(seed).write(tmp_path / "here" / str(seed))
-        there = tmp_path / "there" / str(seed)
-        script = [sys.executable, drawn_lab.__file__, str(seed), str(there)]
-        subprocess.run(script, check=True, capture_output=True, env={"PYTHONHASHSEED": str(seed)})
-        assert files(there) == files(here)
+def test_a_seed_draws_the_same_lab_in_every_process():
+    code = "from drawn_lab import draw_lab; print(*(draw_lab(seed).digest for seed in range(40)))"
+    environment = {"PYTHONHASHSEED": "5", "PYTHONPATH": str(Path(drawn_lab.__file__).parent)}
+    script = [sys.executable, "-c", code]
+    there = subprocess.run(script, check=True, capture_output=True, text=True, env=environment).stdout.split()
+    assert there == [drawn.digest for drawn in DRAWN[:40]]
+
+
+def test_the_script_writes_the_files_of_a_seed(tmp_path, monkeypatch, capsys):
+    seed = next(drawn.seed for drawn in DRAWN if drawn.image is not None)
+    monkeypatch.setattr(sys, "argv", ["drawn_lab.py", str(seed), str(tmp_path / "there")])
+    assert drawn_lab.main() == 0
+    assert files(tmp_path / "there") == files(draw_lab(seed).write(tmp_path / "here"))
+    assert set(files(tmp_path / "there")) == {"lab.yaml", "drawn.rmr", "floor.pgm"}
+    assert f"Drawn lab {seed};" in capsys.readouterr().out
 
 
 def test_two_seeds_draw_two_labs():
