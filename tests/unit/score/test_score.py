@@ -130,7 +130,7 @@ def test_the_landed_table_has_a_row_for_each_run_of_the_score_and_of_ci():
 
 def test_a_row_says_what_a_run_is_judged_by():
     lab = score.ROOT / "deploy" / "labs" / "formation" / "lab.yaml"
-    row = taken(Entry("formation", 1, lab), calibration=lambda: 0.01)
+    row = taken(Entry("formation", 1, lab), calibration=lambda: 0.001)
     assert (row["finished"], row["contacts"], row["violations"], row["missed"]) == (True, 0, {}, 0)
     assert row["cost"] > 0.0
     assert row["off_m"] < 0.05
