@@ -538,7 +538,7 @@ go(R) -o goto(R, 0.2, 0.2).
 
 
 def test_a_robot_that_moves_to_and_fro_before_its_goal_gets_no_nearer(tmp_path, monkeypatch):
-    monkeypatch.setattr(BarredDrive, "look", lambda *_: None)  # nothing ends the drive
+    monkeypatch.setattr(BarredDrive, "look", lambda *_, **__: None)  # nothing ends the drive
     simulation = small_lab(tmp_path, KEPT, robots=2, finish="done(R)", duration="200s")
     assert not simulation.run()
     words = next(words for check, robots, words in found(simulation) if check == "no nearer" and robots == (2,))
@@ -546,7 +546,7 @@ def test_a_robot_that_moves_to_and_fro_before_its_goal_gets_no_nearer(tmp_path, 
 
 
 def test_a_robot_whose_machine_reports_all_the_time_gets_no_nearer_all_the_same(tmp_path, monkeypatch):
-    monkeypatch.setattr(BarredDrive, "look", lambda *_: None)
+    monkeypatch.setattr(BarredDrive, "look", lambda *_, **__: None)
     beats = """
     type action wait(R: robot, T: float) -o waited(R).
     type waited(robot).
