@@ -17,6 +17,8 @@ Extent = tuple[float, float, float, float]
 
 ROUNDING_M: Final = 1e-9
 """Margin of the bounding-box test, metres: an upper bound of the rounding error of a distance."""
+BRAKE: Final = 0.8
+"""Greatest acceleration and deceleration of the wheels, m/s^2: the world's bodies have it, the robots count on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,10 @@ class RobotShape:
     """Whole opening angle of the field of view, radians (paper IV.E)."""
     view_depth: float = 0.25
     """Depth of view, metres, from the robot's centre to the nearest point of the other body."""
+
+
+REFERENCE: Final = RobotShape()
+"""The robot of the paper, with which the margins of motion were measured."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from typing import Final
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
 from rmr.base.grid_path import GridPath
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.config import NodeConfig
@@ -31,14 +32,9 @@ from rmr.node.ports import BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
 """Greatest time between two wheel commands of a moving robot, two frames: the body brakes 0.1 s after the last one."""
-UNWATCHED: Final[Duration] = milliseconds(50)
-"""The wheels may turn at full speed for this long after the newest sample: 1 cm, which the margins of `motion` cover.
-Samples are one frame old in virtual time, two in a process that is called in time."""
 STALE: Final[Duration] = milliseconds(100)
 """With an older sample the robot stands: it describes another situation. A body that stands is sampled at least this
 often, one that drives in each frame."""
-APPLY_HELLOS_EVERY: Final[Duration] = milliseconds(200)
-"""Period with which a driving robot takes in the hellos of the others that drive."""
 SPOT_GAP_M: Final = 0.06
 """Gap between the hulls of two robots that stand in one box."""
 SPOT_INSET_M: Final = 0.03
@@ -54,6 +50,7 @@ class Driver:
 
     def __init__(self, config: NodeConfig, body: BodyPort) -> None:
         self.arena = arena = config.arena
+        self._scale: Final = scale_of(arena.shape)
         self.localiser = Localiser(arena)
         self._switches = switches = RuleSwitches(config.without, config.firings)
         self.navigator = Navigator(arena, config.robot, len(config.roster), switches)
@@ -156,8 +153,8 @@ class Driver:
             navigator.control.sigma_m = self.localiser.sigma_m
             twist = navigator.step(now, pose, self._bodies, self._bumped)
             unwatched = now - max(self._sensed_at, self._set_out_at)
-            if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):
-                twist = watched(twist, unwatched)
+            if self.moving and unwatched > self._scale.unwatched and not self._switches.off("unwatched"):
+                twist = watched(twist, unwatched, self._scale.unwatched)
                 self.held_by = "unwatched"
                 self._switches.count("unwatched")
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
@@ -184,9 +181,9 @@ class Driver:
         if now < self._apply_hellos_at and now <= hearing.overdue_at and not listened:
             return
         if now >= self._apply_hellos_at:
-            self._apply_hellos_at = now + APPLY_HELLOS_EVERY
+            self._apply_hellos_at = now + self._scale.update
             navigator.update_moving(now, rank(), peers.driving(now))
-        hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape.radius))
+        hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape))
         if peers.links is not None:
             hearing.cut_off = peers.links.cut_off(now)
             hearing.by_sight = peers.hides(now, pose, navigator.arena.shape, self._roster, self._robot)
@@ -352,11 +349,11 @@ class Driver:
         )
 
 
-def watched(twist: Twist, unwatched: Duration) -> Twist:
-    """Return `twist`, so slow that in a time `unwatched` it leads no farther than at full speed within UNWATCHED."""
-    if unwatched <= UNWATCHED:
+def watched(twist: Twist, unwatched: Duration, within: Duration) -> Twist:
+    """Return `twist`, so slow that in a time `unwatched` it leads no farther than at full speed in `within`."""
+    if unwatched <= within:
         return twist
-    share = UNWATCHED / unwatched
+    share = within / unwatched
     return Twist(share * twist.v, share * twist.w)
 
 

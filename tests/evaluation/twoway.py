@@ -13,9 +13,10 @@ from experiment import Data, figure, panel, series, table, target
 from intervals import mean, percent, quantile, share, text
 from runs import Row, Run, simulated
 
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import in_seconds
 from rmr.coord.timing import Order, Timing
-from rmr.node.crossing.approach import HEADWAY_MARGIN_M, departures
+from rmr.node.crossing.approach import departures
 from rmr_sim.simulation import Simulation
 from rmr_world.bound import destinations
 
@@ -70,7 +71,7 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
         release = entry["t"] + entry["approach_s"]
         trips.append(Trip(release, entry["inside_s"], tails, entry["way"], job["deadline_s"]))
     timing = Timing()
-    headway = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
+    headway = (2 * arena.shape.radius + scale_of(arena.shape).headway_m) / arena.shape.speed
     gap = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear
     return Problem(tuple(trips), headway, in_seconds(gap))
 

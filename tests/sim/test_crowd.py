@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from rmr.base.geometry import Pose, distance
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import in_seconds, milliseconds, seconds
-from rmr.node.crossing.approach import HEADWAY_MARGIN_M, Approach
+from rmr.node.crossing.approach import Approach
 from rmr.node.motion.navigator import Navigator
 from rmr.node.profile import CROWD_FROM
 from rmr_sim.run_setup import prepare
@@ -72,5 +73,5 @@ def test_a_crowd_follows_as_closely_as_hulls_may_and_others_finish_in_the_order_
     few, many = (
         Approach(Navigator(arena, 1), in_order).headway(area, arena.passages[0], 0) for in_order in (True, False)
     )
-    assert many == seconds((2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed)
+    assert many == seconds((2 * arena.shape.radius + scale_of(arena.shape).headway_m) / arena.shape.speed)
     assert few > 1.4 * many

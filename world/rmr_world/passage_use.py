@@ -10,6 +10,7 @@ from itertools import pairwise
 
 from rmr.base.arena import BOTTLENECK, Area, Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.motion_scale import scale_of
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
 from rmr.node.motion.keep_right import gated_route
@@ -116,8 +117,9 @@ def passage_uses(lab: Lab, program: Program) -> tuple[PassageUse, ...]:
     drives = first_drives(lab, program)
     uses = []
     left = list(found.passages)
+    size = scale_of(arena.shape).size
     for named in named_passages(arena):
-        own = tuple(each for each in left if _belongs(each, named))
+        own = tuple(each for each in left if _belongs(each, named, size))
         left = [each for each in left if each not in own]
         ends = named.entrances if len(named.entrances) > 1 or not own else own[0].ends
         gated = [drive for drive in drives if named.name in passages_on(arena, drive.route)]
@@ -187,9 +189,9 @@ def _matches(serving: Serving, job: TimedJob, args: tuple[Value, ...]) -> bool:
     return True
 
 
-def _belongs(found: NarrowPassage, named: NamedPassage) -> bool:
+def _belongs(found: NarrowPassage, named: NamedPassage, size: float) -> bool:
     """Return whether a narrow section that was found is one that the lab names: at an entrance, or between two."""
-    reach_m = GATE_REACH_M + found.width / 2.0
+    reach_m = GATE_REACH_M * size + found.width / 2.0
     if any(found.away(entrance) <= reach_m for entrance in named.entrances):
         return True
     middle = found.line[len(found.line) // 2]

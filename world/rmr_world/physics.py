@@ -15,6 +15,7 @@ import math
 from operator import attrgetter
 from typing import Final
 
+from rmr.base.arena import BRAKE
 from rmr.base.geometry import Pose, Twist
 from rmr.base.streams import stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
@@ -24,8 +25,6 @@ from rmr_world.lab import Lab
 from rmr_world.robot_body import COMMAND_AGE_MAX, STEP_S, SUBSTEPS, WATCHDOG, RobotBody, moved, roll
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors, pulse_phases
 
-ACCELERATION: Final = 0.8
-"""Bound of the body's acceleration, m/s^2."""
 TURN_ACCELERATION: Final = 12.0
 """Bound of the body's angular acceleration, rad/s^2."""
 SLIP_SIGMA: Final = 0.01
@@ -42,7 +41,7 @@ SETTLED_TICKS: Final = 3
 """Ticks for which the engine runs on after the last hull was near anything: it corrects overlaps in the step after a
 contact, and caches contacts for three steps. It also runs for as long at the start, for robots placed in contact."""
 
-_DV: Final = ACCELERATION * TICK_S
+_DV: Final = BRAKE * TICK_S
 _DW: Final = TURN_ACCELERATION * TICK_S
 """Bounds of the change of speed (m/s) and turn rate (rad/s) in one tick."""
 _NARROW: Final = math.radians(59.0)

@@ -241,7 +241,8 @@ class ViewSpec(_Strict):
     """The field of view."""
 
     angle: Angle = math.radians(60)
-    depth: Positive = 0.25
+    depth: Positive | None = None
+    """Metres; None: what robots of this radius and speed need."""
 
     @model_validator(mode="after")
     def _angle_fits(self) -> "ViewSpec":

@@ -8,13 +8,14 @@ from typing import Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.actions.dispatcher import Permit
 from rmr.node.actions.handle import ActionFailed, Pause
 from rmr.node.actions.node_handle import STUCK_S, LocatedSteps, NodeHandle
 from rmr.node.motion.grid import segment_clearance
 from rmr.node.motion.obstruction import near_polyline, robots_named, robots_near, solid_between, what_bars
-from rmr.node.motion.straight_drive import RAMP, Straight
+from rmr.node.motion.straight_drive import Straight
 from rmr.node.parts import ActionHost
 
 LOOK_EVERY: Final = seconds(1)
@@ -284,7 +285,7 @@ class ReachDrive(LocatedSteps):
 
     def _steer(self) -> Pause | None:
         node = self._robot.node
-        if self._straight.ended(self._pose) and node.now >= _instant(self._ends) - RAMP:
+        if self._straight.ended(self._pose) and node.now >= _instant(self._ends) - scale_of(node.arena.shape).ramp:
             self.close()
             if self._straight.astray(self._pose):
                 raise ActionFailed("the robot has missed the point")

@@ -11,6 +11,7 @@ from typing import Final
 from rmr.base.arena import Area, Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.grid_path import GridPath
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, milliseconds, seconds
 from rmr.coord.timing import EXCLUSIVE
 from rmr.node.motion import forecast
@@ -23,8 +24,6 @@ MOVED_M: Final = 0.05
 """A cell: a robot that has moved less has the same route."""
 SETTLE: Final[Duration] = milliseconds(600)
 """What turning to the queue's heading and setting out again costs."""
-HEADWAY_MARGIN_M: Final = 0.07
-"""Two hulls in a row keep this gap when both drive at full speed."""
 ORDER_MARGIN: Final[Duration] = milliseconds(350)
 """By how much a robot shall be at its place before the next one is at a nearer place."""
 
@@ -89,7 +88,7 @@ class Approach:
         the passage, nor in a crowd: there time is what deadlines are missed for, and each headway delays many.
         """
         arena = self._navigator.arena
-        apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
+        apart = (2 * arena.shape.radius + scale_of(arena.shape).headway_m) / arena.shape.speed
         lengths: tuple[float, ...] = ()
         if passage is not None and not passage.two_ended and area.slotted and self._finishes_in_order:
             lengths = departures(arena, passage.mouth(direction), area.name)

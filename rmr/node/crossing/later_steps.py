@@ -11,10 +11,10 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, seconds
 from rmr.bytecode.program import Kind, Program
 from rmr.node.crossing.request import area_among
-from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import leader_route
 from rmr.vm.derive import Derived
 
@@ -44,4 +44,4 @@ def time_of(
 def _drive_s(arena: Arena, start: Point, goal: Point) -> float:
     """Return the least time of a drive, seconds; 0 without a way."""
     route = leader_route(arena, start, goal, (), through_gate=False)
-    return 0.0 if route is None else route.length_m / arena.shape.speed + START_S
+    return 0.0 if route is None else route.length_m / arena.shape.speed + scale_of(arena.shape).start_s

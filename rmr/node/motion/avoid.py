@@ -13,8 +13,9 @@ pure: a body is in the robot's own frame, x ahead and y to the left, with its ve
 import math
 from typing import Final
 
+from rmr.base.arena import REFERENCE
 from rmr.base.geometry import Twist, hypot
-from rmr.node.motion.stopping import LAG_S, REACTION_BRAKE
+from rmr.base.motion_scale import LAG_S, PLANNED_BRAKE, REACTION_BRAKE, MotionScale
 from rmr.node.ports import SeenBody
 
 CPA_MARGIN_M: Final = 0.025
@@ -33,9 +34,12 @@ farther away than it is."""
 ABEAM_MPS: Final = 0.04
 """Speed with which a body abeam is passed."""
 SLOPE_PER_S: Final = 2.5
-"""Speed allowed per metre of gap, 1/s."""
+"""Speed allowed per metre of gap, 1/s, up to the speed of the reference robot. Beyond it the robot brakes evenly, with
+PLANNED_BRAKE: a slope would ask of the wheels more than they can."""
 LATE_SLOPE_PER_S: Final = 6.0
-"""Speed allowed per metre of gap towards a body that gives way, 1/s."""
+"""Speed allowed per metre of gap towards a body that gives way, 1/s; beyond it the robot brakes with REACTION_BRAKE."""
+EVEN_FROM_MPS: Final = REFERENCE.speed
+"""Speed beyond which it is braked evenly; at PLANNED_BRAKE / SLOPE_PER_S both laws have the same slope."""
 CPA_HORIZON_S: Final = 3.0
 """A gap that closes later than this is no danger yet."""
 STILL_MPS: Final = 0.03
@@ -44,7 +48,7 @@ CREEPING_MPS: Final = 0.1
 """A body slower than this may stop at any moment: it manoeuvres."""
 
 
-def closing_limit(v: float, body: SeenBody, radius: float, late: bool) -> float:
+def closing_limit(v: float, body: SeenBody, scale: MotionScale, late: bool) -> float:
     """Return the greatest forward speed up to `v`, m/s, that `body` does not make dangerous.
 
     `late`: this robot goes first, and slows down only if the other does not give way in time.
@@ -56,13 +60,15 @@ def closing_limit(v: float, body: SeenBody, radius: float, late: bool) -> float:
     if x <= 0.0:
         return v  # behind the axle: driving on leads away from it
     distance = hypot(x, y)
-    gap = distance - 2.0 * radius
+    touch = 2.0 * scale.radius
+    gap = distance - touch
+    blur = scale.blur_m
     relative_vx = body_vx - v
     # Closing speed along the line of centres, times the distance; > 0: the gap shrinks.
     closing = -(x * relative_vx + y * body_vy)
     if closing <= 0.0:
         alongside = x < 0.5 * distance  # more than 60 degrees off the bow: it cannot be run into
-        if gap > FOLLOW_GAP_M or alongside:
+        if gap > FOLLOW_GAP_M + blur or alongside:
             return v
     else:
         # The gap closes at `closing / distance`, so this compares its time with the horizon without a division.
@@ -71,20 +77,29 @@ def closing_limit(v: float, body: SeenBody, radius: float, late: bool) -> float:
         # At the time of the CPA the line of centres is square to the relative velocity.
         tcpa = closing / (relative_vx * relative_vx + body_vy * body_vy)
         cpa = hypot(x + relative_vx * tcpa, y + body_vy * tcpa)
-        if cpa >= 2.0 * radius + CPA_MARGIN_M:
+        if cpa >= touch + CPA_MARGIN_M + blur:
             return v
-        if _better_gone(body, cpa, radius):
+        if _better_gone(body, cpa, touch + TOUCHING_M + blur):
             return v
         # A standing body right beside: stopping would not help, for turning away needs some way.
-        abeam = distance - cpa < ABEAM_NEARER_M and cpa >= 2.0 * radius + ABEAM_GAP_M
+        abeam = distance - cpa < ABEAM_NEARER_M and cpa >= touch + ABEAM_GAP_M
         if abeam and hypot(body_vx, body_vy) < STILL_MPS:
             return min(v, ABEAM_MPS)
     if gap <= TOUCHING_M:
         return 0.0
     # A body that drives off ahead may be followed at the speed with which it recedes.
     receding = max(0.0, (x * body_vx + y * body_vy) / distance)
+    return min(v, max(0.0, _approach_speed(gap - STOP_GAP_M - blur, late) + receding))
+
+
+def _approach_speed(room: float, late: bool) -> float:
+    """Return the speed allowed towards a body from which `room` metres are left; negative: too near already."""
     slope = LATE_SLOPE_PER_S if late else SLOPE_PER_S
-    return min(v, max(0.0, slope * (gap - STOP_GAP_M) + receding))
+    speed = slope * room
+    if speed <= EVEN_FROM_MPS:
+        return speed
+    brake = REACTION_BRAKE if late else PLANNED_BRAKE
+    return math.sqrt(EVEN_FROM_MPS * EVEN_FROM_MPS + 2.0 * brake * (room - EVEN_FROM_MPS / slope))
 
 
 def gives_way_late(body: SeenBody) -> bool:
@@ -92,13 +107,12 @@ def gives_way_late(body: SeenBody) -> bool:
     return body.y > 0.0 and body.vy < -STILL_MPS
 
 
-def _better_gone(body: SeenBody, cpa: float, radius: float) -> bool:
-    """Return whether driving on clears a moving body, and by more than standing still would.
+def _better_gone(body: SeenBody, cpa: float, least: float) -> bool:
+    """Return whether driving on clears a moving body, by `least` and by more than standing still would.
 
     One that creeps may stop: driving on must clear it where it is, too.
     """
     speed = hypot(body.vx, body.vy)
-    least = 2.0 * radius + TOUCHING_M
     if speed < STILL_MPS or cpa < least or (speed < CREEPING_MPS and abs(body.y) < least):
         return False
     # Were this robot to stand, the body would pass it at the distance of its line of travel from the origin.

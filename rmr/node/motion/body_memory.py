@@ -11,6 +11,7 @@ from typing import Final, final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.avoid import CREEPING_MPS, STILL_MPS
 from rmr.node.motion.hearing import ReportedState
@@ -18,8 +19,6 @@ from rmr.node.ports import SeenBody
 
 MEMORY_S: Final = 0.8
 """How long a body that has left the field of view is remembered."""
-STOOD_NEAR_M: Final = 0.5
-"""A body that stood is remembered within this distance, while some robot near may not be heard."""
 REMEMBERED_MAX: Final = 8
 """Bodies remembered at once; no more fit around a robot within its view."""
 VIEW_DEPTH_SLACK_M: Final = 0.02
@@ -56,10 +55,12 @@ class _Sighting:
 class BodyMemory:
     """The bodies that one robot has seen, on the floor."""
 
-    __slots__ = ("_remembers", "_shape", "_sightings")
+    __slots__ = ("_near_m", "_remembers", "_shape", "_sightings")
 
     def __init__(self, shape: RobotShape, *, remembers: bool = True) -> None:
         self._shape = shape
+        self._near_m: Final = scale_of(shape).near_m
+        """A body that stood is remembered within this distance, while some robot near may not be heard."""
         self._remembers = remembers
         self._sightings: list[_Sighting] = []
 
@@ -96,7 +97,7 @@ class BodyMemory:
             old = sighting
             if in_seconds(now - old.at) > MEMORY_S:
                 # No robot has said that it is there, and none that does not speak drives off. So it still stands.
-                if not keeps_still or not old.stood or hypot(old.x - pose.x, old.y - pose.y) > STOOD_NEAR_M:
+                if not keeps_still or not old.stood or hypot(old.x - pose.x, old.y - pose.y) > self._near_m:
                     continue
                 old = _Sighting(old.x, old.y, 0.0, 0.0, old.at)
             age = in_seconds(now - old.at)

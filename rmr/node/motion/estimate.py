@@ -4,9 +4,9 @@ from typing import Final, NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Pose
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, seconds
 from rmr.node.motion.follow import PIVOT_END, Follower
-from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import Route
 
 PIVOT_S: Final = 0.1
@@ -45,7 +45,7 @@ def drive_time(shape: RobotShape, way_m: float, turn: float, v: float = 0.0) -> 
     """
     angle = max(0.0, turn - PIVOT_END)
     pivot = angle / shape.turn + PIVOT_S * min(1.0, angle / PIVOT_WAY)
-    return seconds(pivot + way_m / shape.speed + START_S * max(0.0, 1.0 - v / shape.speed))
+    return seconds(pivot + way_m / shape.speed + scale_of(shape).start_s * max(0.0, 1.0 - v / shape.speed))
 
 
 def time_left(shape: RobotShape, follower: Follower, pose: Pose, way_m: float, v: float) -> Duration:

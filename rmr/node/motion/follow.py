@@ -10,12 +10,13 @@ from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import STILL, Pose, Twist, distance, hypot, wrap
+from rmr.base.motion_scale import PLANNED_BRAKE, scale_of
 from rmr.node.motion.route import Route
 
 LOOK_AHEAD_M: Final = 0.11
-"""Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
-PLANNED_BRAKE: Final = 0.5
-"""Deceleration of planned stops, at the end of a path and at the hold line, m/s^2; the wheels can do 0.8."""
+"""Least distance of the look-ahead point. Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
+LOOK_AHEAD_S: Final = 0.25
+"""A robot looks ahead as far as it drives in this, at least: what it has turned by is seen two frames later."""
 TURN_BRAKE: Final = 8.0
 """Deceleration of planned turns, rad/s^2; the wheels can do 12."""
 TURN_PER_S: Final = 8.0
@@ -39,7 +40,7 @@ ARRIVED_BESIDE_M: Final = 0.02
 CREEP: Final = 0.02
 """Least speed on the last centimetres, m/s."""
 WINDOW_M: Final = 0.25
-"""How far ahead of its last progress the robot is searched for on the path."""
+"""How far ahead of its last progress the robot is searched for on the path, times the pace."""
 BACK_M: Final = 0.02
 """How far behind its last progress the robot is searched for: braking undoes no more."""
 AIM_M: Final = 0.03
@@ -60,7 +61,7 @@ def braking_speed(way_m: float) -> float:
 class Follower:
     """Progress along one route."""
 
-    __slots__ = ("_aim", "_seen", "_seen_s", "arrived", "pivoting", "route", "s", "shape")
+    __slots__ = ("_aim", "_seen", "_seen_s", "_v", "_window_m", "arrived", "pivoting", "route", "s", "shape")
 
     def __init__(self, route: Route, shape: RobotShape) -> None:
         self.route = route
@@ -70,6 +71,9 @@ class Follower:
         self.arrived = False
         self._seen: Pose | None = None
         self._seen_s = 0.0
+        self._v = 0.0
+        """The speed of the last command, m/s."""
+        self._window_m: Final = WINDOW_M * scale_of(shape).pace
         self._aim = 0.0, 0.0, 0.0
         """The look-ahead point as seen from the pose `_seen`, at the progress `_seen_s`: dx, dy and heading error."""
 
@@ -78,7 +82,7 @@ class Follower:
         route = self.route
         x = pose.x
         y = pose.y
-        self.s = route.project(x, y, max(0.0, self.s - BACK_M), self.s + WINDOW_M)
+        self.s = route.project(x, y, max(0.0, self.s - BACK_M), self.s + self._window_m)
         left = route.at_m[-1] - self.s
         if left < NEARS_M:
             away = distance(*route.points[-1], x, y)
@@ -94,7 +98,7 @@ class Follower:
         if self._seen is not pose or self._seen_s != self.s:
             self._seen = pose
             self._seen_s = self.s
-            x, y = self.route.place(self.s + LOOK_AHEAD_M)
+            x, y = self.route.place(self.s + max(LOOK_AHEAD_M, LOOK_AHEAD_S * self._v))
             dx = x - pose.x
             dy = y - pose.y
             self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
@@ -107,11 +111,13 @@ class Follower:
         dx, dy, error = self._look_ahead(pose)
         if abs(error) > (PIVOT_END if self.pivoting else PIVOT_BEGIN):
             self.pivoting = True
+            self._v = 0.0
             return Twist(0.0, turn_towards(error, self.shape))
         self.pivoting = False
         shape = self.shape
         v = min(shape.speed, limit)
         if v <= 0.0:
+            self._v = 0.0
             return Twist(0.0, turn_towards(error, shape) if abs(error) > TURNED else 0.0)
         left = self.route.at_m[-1] - self.s - END_M
         if 2.0 * PLANNED_BRAKE * left < v * v:
@@ -120,4 +126,5 @@ class Follower:
         curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
         if abs(v * curvature) > shape.turn:  # the wheels cannot turn so fast: slower, on the same arc
             v = shape.turn / abs(curvature)
+        self._v = v
         return Twist(v, v * curvature)

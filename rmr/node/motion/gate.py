@@ -11,16 +11,15 @@ from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, distance
+from rmr.base.motion_scale import PLANNED_BRAKE, scale_of
 from rmr.base.time import Instant, in_seconds
-from rmr.node.motion.follow import PLANNED_BRAKE, braking_speed
+from rmr.node.motion.follow import braking_speed
 from rmr.node.motion.route import Route
 
 HOLD_MARGIN_M: Final = 0.01
 """Distance of the hull's front from the bottleneck's point when the robot waits at the hold line."""
 PASSED_M: Final = 0.02
 """A robot this far beyond the hold line has driven on."""
-START_S: Final = 0.15
-"""Time that speeding up from standstill costs against full speed, seconds."""
 EARLY_S: Final = 0.25
 """A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
 EARLY_SHARE: Final = 0.1
@@ -178,4 +177,6 @@ class EntryGate:
 
     def _too_early(self, to_line: float, left: float) -> bool:
         """Return whether leaving now would mean creeping."""
-        return left * (1.0 - EARLY_SHARE) > max(0.0, to_line) / self.shape.speed + START_S + EARLY_S
+        return (
+            left * (1.0 - EARLY_SHARE) > max(0.0, to_line) / self.shape.speed + scale_of(self.shape).start_s + EARLY_S
+        )

@@ -11,6 +11,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant
 from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
 from rmr.node.motion.follow import Follower
@@ -65,6 +66,7 @@ class HazardScene:
         "ranked",
         "remembered_from",
         "right_of_way",
+        "scale",
         "silence",
         "switches",
         "twist",
@@ -73,6 +75,7 @@ class HazardScene:
     def __init__(self, arena: Arena, switches: RuleSwitches) -> None:
         self.arena = arena
         self.switches = switches
+        self.scale: Final = scale_of(arena.shape)
         self.now: Instant = 0
         self.pose = Pose(0.0, 0.0, 0.0)
         self.silence = 0
@@ -176,7 +179,7 @@ class DangerRule(Hazard):
 
     def limit(self, around: HazardScene, v: float) -> float:
         """Return the least of what the bodies ahead allow by their closest point of approach."""
-        radius = around.arena.shape.radius
+        scale = around.scale
         ranked = around.ranked
         cap = around.cap
         for index, body in enumerate(around.bodies):
@@ -184,8 +187,8 @@ class DangerRule(Hazard):
                 continue
             by_side = gives_way_late(body)
             late = ranked.get(body, by_side) if ranked else by_side
-            allowed = closing_limit(cap, body, radius, late)
-            if late != by_side and closing_limit(cap, body, radius, by_side) != allowed:
+            allowed = closing_limit(cap, body, scale, late)
+            if late != by_side and closing_limit(cap, body, scale, by_side) != allowed:
                 around.switches.count("order")
             if allowed < v:
                 v = allowed
@@ -198,10 +201,10 @@ class StoppingRule(Hazard):
 
     def limit(self, around: HazardScene, v: float) -> float:
         """Return the least speed from which the robot stops before each body ahead, should that brake now."""
-        radius = around.arena.shape.radius
+        scale = around.scale
         cap = around.cap
         for index, body in enumerate(around.bodies):
-            if body.x > 0.0 and (allowed := stopping_speed(cap, body, radius)) < v:
+            if body.x > 0.0 and (allowed := stopping_speed(cap, body, scale)) < v:
                 v = allowed
                 around.count_body(index)
         return v

@@ -21,8 +21,9 @@ import math
 from collections.abc import Sequence
 from typing import Final, final
 
-from rmr.base.arena import RobotShape
+from rmr.base.arena import BRAKE, RobotShape
 from rmr.base.geometry import Point, Pose, hypot
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.priority import order_key
 from rmr.node.ports import SeenBody
@@ -38,8 +39,6 @@ OVERDUE: Final[Duration] = milliseconds(150)
 """A hello that comes so much later than it may is lost: what hellos wait for the air, and are read later."""
 BEHIND: Final = math.cos(math.radians(120))
 """Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
-STOP_S: Final = 0.4
-"""Time to stop from full speed: the lag until wheels brake, 0.12 s, and 0.2 m/s at 0.7 m/s^2."""
 POSITION_ERROR_M: Final = 0.03
 """Error of the estimated positions of two robots together."""
 PARKED_SPARE_M: Final = 0.02
@@ -54,12 +53,8 @@ SPARE_FROM_M: Final = 0.05
 BESIDE_M: Final = 0.1
 """A robot that turns takes in also those heard abeam, at most this far behind its axle: they may be ahead before it
 stands."""
-ACCELERATION: Final = 0.8
-"""Greatest acceleration of the wheels, m/s^2."""
 JUMP_M: Final = 0.1
 """An estimated position is not corrected by more than this between two updates."""
-HEARD_NEAR_M: Final = 0.5
-"""Robots whose centres are farther apart than this cannot matter before the next update."""
 
 LISTENS: Final = 1
 SILENT: Final = 2
@@ -111,6 +106,7 @@ class Hearing:
     __slots__ = (
         "_moving",
         "_parked",
+        "_scale",
         "_shape",
         "_silent",
         "_silent_from",
@@ -128,6 +124,7 @@ class Hearing:
     def __init__(self, shape: RobotShape, robots: int = 1) -> None:
         """`robots`: how many there are, by which the time between two hellos goes."""
         self._shape = shape
+        self._scale: Final = scale_of(shape)
         self._moving = profile_of(robots).moving_max
         self._parked = profile_of(robots).parked_max
         self._silent: list[ReportedState] = []
@@ -156,8 +153,9 @@ class Hearing:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
         self._silent = [other for other in known if other.silent]
         self._silent_from = 0
+        near_m = self._scale.near_m
         self.fresh = [
-            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < HEARD_NEAR_M
+            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < near_m
         ]
         self.overdue_at = min((self._overdue_at(other) for other in self.fresh), default=NEVER)
 
@@ -257,10 +255,10 @@ class Hearing:
                 continue
             age = in_seconds(now - other.at)
             # At full acceleration from the reported speed, towards this robot at worst.
-            begins = (self._shape.speed - min(self._shape.speed, hypot(other.vx, other.vy))) / ACCELERATION
-            way = self._shape.speed * age - 0.5 * ACCELERATION * begins * begins
+            begins = (self._shape.speed - min(self._shape.speed, hypot(other.vx, other.vy))) / BRAKE
+            way = self._shape.speed * age - 0.5 * BRAKE * begins * begins
             if age < begins:
-                way = age * (hypot(other.vx, other.vy) + 0.5 * ACCELERATION * age)
+                way = age * (hypot(other.vx, other.vy) + 0.5 * BRAKE * age)
             if hypot(dx + back_m * cos, dy + back_m * sin) - way <= within_m:
                 return True
         return False
@@ -313,17 +311,18 @@ class Hearing:
         touch = 2.0 * self._shape.radius + POSITION_ERROR_M + speed * in_seconds(now - other.at)
         if hypot(other.x - pose.x, other.y - pose.y) < touch:
             return True
-        way = 0.5 * speed * STOP_S
+        stop_s = self._scale.stop_s
+        way = 0.5 * speed * stop_s
         x = pose.x + way * math.cos(pose.theta)
         y = pose.y + way * math.sin(pose.theta)
-        return hypot(other.x - x, other.y - y) < touch + speed * STOP_S
+        return hypot(other.x - x, other.y - y) < touch + speed * stop_s
 
     def _reach_from(self, now: Instant, pose: Pose) -> Instant:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
         speed = self._shape.speed
         x = pose.x
         y = pose.y
-        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * STOP_S + JUMP_M
+        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * self._scale.stop_s + JUMP_M
         # Both drive towards each other at full speed at worst, so the gap closes at twice that.
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))

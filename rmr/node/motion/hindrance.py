@@ -15,7 +15,7 @@ from rmr.node.motion.hazards import HazardScene
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.obstruction import closest_solid, obstruction, robots_listed, robots_named
 from rmr.node.motion.priority import Heard, order_key, share_of_speed
-from rmr.node.motion.queueing import REACH_M
+from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import off_queue
 from rmr.node.motion.speed_control import REVERSE_POLL_M
 from rmr.node.motion.stopping import stopping_speed
@@ -145,7 +145,8 @@ def _ahead_in_queue(navigator: Navigator, others: Neighbourhood) -> tuple[int, .
     """Return the robots that stand before this one in the queue."""
     pose = navigator.control.scene.pose
     at = Point(pose.x, pose.y)
-    near = {robot: place for robot, place in others.standing.items() if distance(*place, *at) < REACH_M}
+    reach = queue_reach(navigator.arena.shape)
+    near = {robot: place for robot, place in others.standing.items() if distance(*place, *at) < reach}
     return tuple(robot for robot, place in near.items() if not off_queue(navigator.arena, at, [place]))
 
 
@@ -175,9 +176,8 @@ def _allowed(scene: HazardScene, body: SeenBody, seen: SeenBody) -> float:
     """Return the speed that the rules for bodies allow for `body`, which is `seen` from the direction of travel."""
     if seen.x <= 0.0:
         return math.inf
-    radius = scene.arena.shape.radius
     late = scene.ranked.get(body, gives_way_late(seen))
-    return min(closing_limit(scene.cap, seen, radius, late), stopping_speed(scene.cap, seen, radius))
+    return min(closing_limit(scene.cap, seen, scene.scale, late), stopping_speed(scene.cap, seen, scene.scale))
 
 
 def _at(pose: Pose, ahead_m: float, navigator: Navigator, rule: str, others: Neighbourhood) -> Hindrance:

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, distance
+from rmr.base.motion_scale import scale_of
 from rmr.node.motion.astar import plan
 from rmr.node.motion.route import DETOUR_M, Route, leader_route, make_route
 
@@ -97,7 +98,7 @@ def _through(
 
 def _is_free(arena: Arena, ends: tuple[Point, Point], length_m: float) -> bool:
     """Return whether a way of `length_m` between the `ends` of a passage leads through it, not around what bars it."""
-    return length_m <= _free_length_m(arena, *ends) + DETOUR_M
+    return length_m <= _free_length_m(arena, *ends) + DETOUR_M * scale_of(arena.shape).size
 
 
 @lru_cache(maxsize=64)

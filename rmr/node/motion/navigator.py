@@ -26,7 +26,7 @@ from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_lef
 from rmr.node.motion.route import DriveOrder, Route, gated_again
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
-from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
+from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.motion.standoff.escapes import DeadlockCause, Excursion, Impasse
 from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
@@ -72,11 +72,11 @@ class Navigator:
         """The share of full speed that keeps clear of robots that go first."""
         self._v = 0.0
         """The speed of the last command, m/s."""
-        self._stand_off = DeadlockDetector(robot)
+        self._stand_off = DeadlockDetector(robot, arena.shape)
         self.policy = EscapePolicy(switches)
         self._driving: Sequence[Heard] = ()
         """The newest hellos of driving robots."""
-        self._standing = Standing()
+        self._standing = Standing(arena.shape)
         self._pose = Pose(0.0, 0.0, 0.0)
         self.control = SpeedControl(arena, robots, switches)
         self.hearing = self.control.hearing
@@ -225,7 +225,7 @@ class Navigator:
         stuck = STILL if bumped else allowed
         # Before its slot a robot may well stand: patience is longer then.
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
-        if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
+        if self._stand_off.blocked(now, wish, stuck, self._stand_off.early if early else 0):
             self._escape(now, pose, DeadlockCause.DEADLOCK)
         self._v = allowed.v
         return allowed

@@ -15,16 +15,12 @@ from typing import Final, final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot, point_segment_distance
+from rmr.base.motion_scale import MotionScale, scale_of
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
 CONFLICT_GAP_M: Final = 0.04
 """Predicted gap between hulls that is wide enough."""
-CONFLICT_HORIZON_S: Final = 4.0
-"""How far ahead paths are predicted."""
-STEP_S: Final = 0.25
-"""Step of the prediction: 5 cm at full speed."""
-STEPS: Final = round(CONFLICT_HORIZON_S / STEP_S) + 1
 ROUNDING_M: Final = 1e-6
 """For rounding."""
 SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
@@ -34,9 +30,10 @@ BETTER_M: Final = 0.005
 AGE_MAX: Final[Duration] = seconds(2)
 """A hello older than this is not used for prediction."""
 STOOD: Final[Duration] = milliseconds(1500)
-"""A robot that has stayed near one place for this long stands, whatever it intends."""
+"""A robot that has stayed near one place for this long, times the tempo, stands, whatever it intends."""
 STOOD_M: Final = 0.1
-"""Radius of the place that a standing robot has stayed near: a reverse manoeuvre and the return get it nowhere."""
+"""Radius of the place that a standing robot has stayed near, times the size: a reverse manoeuvre and the return get it
+nowhere."""
 
 
 @final
@@ -58,9 +55,12 @@ class Heard:
 class Standing:
     """Notices which of the robots that drive do not get anywhere."""
 
-    __slots__ = ("_since", "points")
+    __slots__ = ("_since", "_stood", "_stood_m", "points")
 
-    def __init__(self) -> None:
+    def __init__(self, shape: RobotShape) -> None:
+        scale = scale_of(shape)
+        self._stood: Final = round(STOOD * scale.tempo)
+        self._stood_m: Final = STOOD_M * scale.size
         self._since: dict[int, tuple[float, float, Instant]] = {}
         """By robot where it came to stay, and when."""
         self.points: dict[int, Point] = {}
@@ -77,9 +77,9 @@ class Standing:
             y = other.pose.y
             heard_at = other.at
             held = known.get(robot)
-            if held is None or hypot(x - held[0], y - held[1]) > STOOD_M:
+            if held is None or hypot(x - held[0], y - held[1]) > self._stood_m:
                 held = x, y, now
-            elif now - held[2] >= STOOD and now - heard_at <= AGE_MAX:
+            elif now - held[2] >= self._stood and now - heard_at <= AGE_MAX:
                 points[robot] = Point(x, y)
             since[robot] = held
         self._since = since
@@ -98,19 +98,20 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     """
     here = route.point(s)
     speed = shape.speed
+    scale = scale_of(shape)
     # Robots that cannot come within `keep` in the horizon, even if both drive towards each other, are left out first.
-    keep = 2.0 * shape.radius + CONFLICT_GAP_M
-    reach = keep + (2.0 * CONFLICT_HORIZON_S + in_seconds(AGE_MAX)) * speed
+    keep = 2.0 * shape.radius + CONFLICT_GAP_M + 2.0 * scale.blur_m
+    reach = keep + (2.0 * scale.horizon_s + in_seconds(AGE_MAX)) * speed
     near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
-    tracks = [_track(now, other, speed) for other in near if _may_meet(now, other, here, speed, keep)]
+    tracks = [_track(now, other, scale) for other in near if _may_meet(now, other, here, scale, keep)]
     if not tracks:
         return 1.0
     best = -math.inf
     best_share = 1.0
     for share in SHARES:
         least = math.inf  # the least distance of centres at this share of the speed
-        for i in range(STEPS):
-            x, y = route.place(s + share * shape.speed * STEP_S * i)
+        for i in range(scale.steps):
+            x, y = route.place(s + share * speed * scale.step_s * i)
             for track in tracks:
                 other_x, other_y = track[i]
                 away = hypot(other_x - x, other_y - y)
@@ -123,7 +124,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     return best_share
 
 
-def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float) -> bool:
+def _may_meet(now: Instant, other: Heard, here: Point, scale: MotionScale, keep: float) -> bool:
     """Return whether what was heard of `other` still holds and it may come nearer than `keep` to a robot at `here`.
 
     Most robots of a crowd cannot, and cost no more than this.
@@ -131,25 +132,27 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     if now - other.at > AGE_MAX:
         return False
     age = in_seconds(now - other.at)
+    speed = scale.speed
+    horizon_s = scale.horizon_s
     # This robot stays within a disc of radius `near`; the other one covers a segment of its course.
-    near = keep + CONFLICT_HORIZON_S * speed
+    near = keep + horizon_s * speed
     x = other.pose.x
     y = other.pose.y
-    far = near + speed * (age + CONFLICT_HORIZON_S)
+    far = near + speed * (age + horizon_s)
     if abs(x - here.x) > far or abs(y - here.y) > far:
         return False
     cos, sin, way = _course(other)
-    gone = min(way, speed * (age + CONFLICT_HORIZON_S))
+    gone = min(way, speed * (age + horizon_s))
     return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + ROUNDING_M
 
 
-def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:
+def _track(now: Instant, other: Heard, scale: MotionScale) -> list[tuple[float, float]]:
     """Return where `other` will be, step by step, as bare numbers."""
     x = other.pose.x
     y = other.pose.y
     (cos, sin, way) = _course(other)
     age = in_seconds(now - other.at)
-    gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
+    gone = [min(way, scale.speed * (age + scale.step_s * i)) for i in range(scale.steps)]
     return [(x + g * cos, y + g * sin) for g in gone]
 
 

@@ -19,19 +19,20 @@ from typing import Final, NamedTuple
 from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
+from rmr.base.motion_scale import scale_of
 from rmr.node.motion.astar import FreeSpace, plan
 from rmr.node.motion.grid import PATH_MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
 GATE_REACH_M: Final = 0.15
-"""A route has a gate if it passes the bottleneck's point within this."""
+"""A route has a gate if it passes the bottleneck's point within this, times the size of the robots."""
 EXIT_REACH_M: Final = 0.3
-"""A route passes the mouth by which it leaves within this: it turns off to its goal there."""
+"""A route passes the mouth by which it leaves within this, times the size: it turns off to its goal there."""
 ROOM_M: Final = 0.05
 """Before a mouth by which others come out, the one that waits leaves room for a hull and this."""
 VIA_M: Final = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
 DETOUR_M: Final = 0.15
-"""What the way through the bottleneck's very point may cost."""
+"""What the way through the bottleneck's very point may cost, times the size."""
 INTO_M: Final = 0.01
 """The path's direction so far behind the gate, which may be a corner of it, is that of the way through."""
 GRAZES_M: Final = 0.01
@@ -191,10 +192,11 @@ def make_route(
 def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
     """Return `route` with the gate of `passage`; None if it does not pass it."""
     mouths = passage.mouths
+    size = scale_of(arena.shape).size
     passed = [route.project(*mouth, 0.0, route.length_m) for mouth in mouths]
     way = passed.index(min(passed))
     gate = passed[way]
-    if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
+    if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M * size:
         return None
     if not passage.two_ended:
         if not passage.by_event and route.length_m - gate < VIA_M:
@@ -202,7 +204,7 @@ def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
         way = way_of(route.heading(gate + INTO_M))
         clear = _end_of_narrow(arena, route, gate)
         return replace(route, gate_m=gate, clear_m=clear, way=way, passage=passage.name)
-    if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M:
+    if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M * size:
         return None
     clear = _clear_of(arena, passage, route, gate)
     room = _room(arena, passage)
@@ -230,7 +232,7 @@ def _clear_of(arena: Arena, passage: FloorPassage, route: Route, gate: float) ->
     end = _end_of_narrow(arena, route, gate)
     for mouth in passage.mouths if passage.two_ended else ():
         out = route.project(*mouth, gate, route.length_m)
-        if out > gate + VIA_M and distance(*route.point(out), *mouth) <= EXIT_REACH_M:
+        if out > gate + VIA_M and distance(*route.point(out), *mouth) <= EXIT_REACH_M * scale_of(arena.shape).size:
             end = max(end, min(route.length_m, out + arena.shape.radius))
     return end
 
@@ -305,7 +307,11 @@ def leader_route(
     via = passage.mouth(route.way)
     into = plan(arena, start, via, parked)
     out = plan(arena, via, goal, parked)
-    if into is None or out is None or into.length_m + out.length_m > route.length_m + DETOUR_M:
+    if (
+        into is None
+        or out is None
+        or into.length_m + out.length_m > route.length_m + DETOUR_M * scale_of(arena.shape).size
+    ):
         return route
     return make_route(arena, [*into.points, *out.points[1:]], through_gate=True, behind=behind)
 
@@ -377,7 +383,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
     mouths = [mouth for passage in arena.passages for mouth in passage.mouths]
-    via = [mouth for mouth in mouths if distance(*points[0], *mouth) < GATE_REACH_M]
+    via = [mouth for mouth in mouths if distance(*points[0], *mouth) < GATE_REACH_M * scale_of(arena.shape).size]
     if nearest == 0 and via:
         points[0] = via[0]
     return floor.pull(points)

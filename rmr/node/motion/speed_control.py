@@ -42,7 +42,7 @@ SETTLED_SHARE: Final = 0.6
 at most 0.5, but near the line through the beacons (docs/safety.md)."""
 
 SIGHT_RADIUS_M: Final = 0.5
-"""Least radius of an arc that leads only over floor that was in view just before."""
+"""Least radius of an arc that leads only over floor that was in view just before, times the size of the robots."""
 
 SILENCED: Final = "silence"
 """What keeps a robot that drives by hand or backs up from doing so while somebody is not heard."""
@@ -51,7 +51,18 @@ SILENCED: Final = "silence"
 class SpeedControl:
     """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
 
-    __slots__ = ("_memory", "_seen", "_shield", "_switches", "arena", "hearing", "law", "scene", "sigma_m")
+    __slots__ = (
+        "_memory",
+        "_reverse_mps",
+        "_seen",
+        "_shield",
+        "_switches",
+        "arena",
+        "hearing",
+        "law",
+        "scene",
+        "sigma_m",
+    )
 
     def __init__(self, arena: Arena, robots: int, switches: RuleSwitches) -> None:
         """`robots` is the size of the roster; `switches` says which rules are in force."""
@@ -60,6 +71,7 @@ class SpeedControl:
         self.law = SpeedLaw(switches)
         self.scene = HazardScene(arena, switches)
         self._memory = BodyMemory(arena.shape, remembers=not switches.off("memory"))
+        self._reverse_mps: Final = min(REVERSE_MPS, arena.shape.speed)
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
@@ -98,14 +110,18 @@ class SpeedControl:
         """Return `twist`, slowed as the bodies around and the shield demand; without `walls` it may touch those."""
         if twist.v <= 0.0:
             return twist
-        if self.hearing.by_sight and abs(twist.w) * SIGHT_RADIUS_M > twist.v and not self._switches.off("sight"):
+        if (
+            self.hearing.by_sight
+            and abs(twist.w) * SIGHT_RADIUS_M * self.scene.scale.size > twist.v
+            and not self._switches.off("sight")
+        ):
             self._switches.count("sight")
             self.law.limited_by = "sight"
             return Twist(0.0, twist.w)
         around = self.scene
         seen = self._seen
         # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
-        around.bodies = [*seen, *self._heard(-BESIDE_M if twist.w else 0.0)]
+        around.bodies = [*seen, *self._heard(-BESIDE_M * around.scale.size if twist.w else 0.0)]
         around.heard_from = len(seen)
         around.ranked = UNRANKED
         if not self._switches.off("order"):
@@ -126,7 +142,7 @@ class SpeedControl:
     def reverse(self) -> Twist:
         """Return the command that drives straight back, or stands where something is known to be there."""
         if self._switches.off("reverse_guard"):
-            return Twist(-REVERSE_MPS, 0.0)
+            return Twist(-self._reverse_mps, 0.0)
         around = self.scene
         pose = self.scene.pose
         if self.hearing.by_sight and not self._switches.off("sight"):
@@ -145,7 +161,7 @@ class SpeedControl:
                 around.count_body(index)
         if free and not self._switches.off("cooperation"):
             free = not self.hearing.may_reach(around.now, pose, REVERSE_POLL_M, 2.0 * radius + REVERSE_GAP_M)
-        back = Twist(-REVERSE_MPS, 0.0)
+        back = Twist(-self._reverse_mps, 0.0)
         if free and self.arena.clearance(x, y) > radius and self._shield.within(back, pose, self.arena, self.sigma_m):
             return self._shielded(back)
         self._switches.count("reverse_guard")

@@ -5,33 +5,30 @@ case that the other does not drive on: it brakes now, and stands a little farthe
 robot stands before that place, even if its own process stops in this very moment: wheels without commands go on for
 `LAG_S` before they brake.
 
-It matters within some centimetres only, so robots that follow each other or pass with room are not slowed.
+It matters within two ways to stand only, some centimetres for the reference robot, so robots that follow each other or
+pass with room are not slowed.
 """
 
 import math
 from typing import Final
 
 from rmr.base.geometry import hypot
+from rmr.base.motion_scale import LAG_S, REACTION_BRAKE, MotionScale
 from rmr.node.ports import SeenBody
 
-REACTION_BRAKE: Final = 0.7
-"""Deceleration of a robot that stops for another one, m/s^2, its own and the other's; the wheels can do 0.8."""
 STOPPING_GAP_M: Final = 0.005
 """Gap between hulls that is left when both robots stand."""
-LAG_S: Final = 0.117
-"""Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
-STOPPING_RANGE_M: Final = 0.09
-"""Beyond this gap a robot can stop from full speed, whatever the other does."""
 
 
-def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
+def stopping_speed(v: float, body: SeenBody, scale: MotionScale) -> float:
     """Return the greatest speed up to `v` (m/s) from which a robot stops before `body`, should that brake now."""
     x = body.x
     y = body.y
     vx = body.vx
     vy = body.vy
-    touch = 2.0 * radius + STOPPING_GAP_M
-    if x <= 0.0 or x * x + y * y > (touch + STOPPING_RANGE_M) * (touch + STOPPING_RANGE_M):
+    touch = 2.0 * scale.radius + STOPPING_GAP_M + scale.blur_m
+    reach = touch + scale.stop_range_m
+    if x <= 0.0 or x * x + y * y > reach * reach:
         return v
     # The other one brakes evenly: it moves on for v^2 / (2 a) in its direction, that is for v * (|v| / (2 a)).
     on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)

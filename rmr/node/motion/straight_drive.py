@@ -14,15 +14,14 @@ from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot, wrap
-from rmr.base.time import Duration, Instant, in_seconds, milliseconds
+from rmr.base.motion_scale import scale_of
+from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.follow import ARRIVED_M, CREEP, FACED, PIVOT_END, braking_speed, turn_towards
 
-RAMP: Final[Duration] = milliseconds(500)
-"""Speeding up and slowing down, all robots alike; from 0.2 m/s it takes 0.4 m/s^2, half of what wheels can do."""
 CATCH_UP_PER_S: Final = 4.0
 """Speed per metre behind what is due, 1/s; twice as much makes the noise of localisation felt at the wheels."""
 SWING_M: Final = 0.15
-"""How far ahead a robot beside its line aims at it."""
+"""How far ahead a robot beside its line aims at it, times the pace."""
 ASTRAY_M: Final = 0.04
 """Beside the goal by more than this at the end of its line, a robot is not there."""
 
@@ -30,11 +29,12 @@ ASTRAY_M: Final = 0.04
 class Straight:
     """One robot's straight drive from `start` to `goal`, leaving at `begins` and arriving at `ends`."""
 
-    __slots__ = ("_begins", "_cos", "_heading", "_shape", "_sin", "_start", "_took", "length_m")
+    __slots__ = ("_begins", "_cos", "_heading", "_scale", "_shape", "_sin", "_start", "_took", "length_m")
 
     def __init__(self, start: Point, goal: Point, begins: Instant, ends: Instant, shape: RobotShape) -> None:
         self._start = start
         self._shape = shape
+        self._scale: Final = scale_of(shape)
         self._begins = begins
         self._took = max(1, ends - begins)
         self.length_m = hypot(goal.x - start.x, goal.y - start.y)
@@ -47,7 +47,7 @@ class Straight:
 
         It depends on `begins` and `ends` alone: even speed between two ramps.
         """
-        ramp = min(RAMP, self._took / 2)
+        ramp = min(self._scale.ramp, self._took / 2)
         even = 1.0 / (self._took - ramp)
         gone = min(max(0, now - self._begins), self._took)
         left = self._took - gone
@@ -81,7 +81,7 @@ class Straight:
         done, left_of = self.along(pose)
         if self.ended(pose):
             return STILL
-        error = wrap(self._heading - math.atan2(left_of, SWING_M) - pose.theta)
+        error = wrap(self._heading - math.atan2(left_of, SWING_M * self._scale.pace) - pose.theta)
         turn = turn_towards(error, self._shape)
         if now < self._begins:
             return STILL if abs(error) < FACED else Twist(0.0, turn)

@@ -10,9 +10,10 @@ from typing import Final, NamedTuple
 
 from rmr.base.arena import Area, RobotShape
 from rmr.base.geometry import Point, Pose, hypot
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import AT_ENTER_M
-from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
+from rmr.node.motion.hearing import DEAD, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
 from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
@@ -209,13 +210,15 @@ class Peers:
         """Return whether what `standing` returns may have changed although nothing was heard: one may be dead now."""
         return self._standing is None or now >= self._standing_until
 
-    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[ReportedState]:
+    def heard_of(self, now: Instant, pose: Pose, shape: RobotShape) -> list[ReportedState]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.
 
-        Who sets out with its hull as good as at the robot's, of that `radius`, may not get away: it stands, until it
+        Who sets out with its hull as good as at the robot's, of that `shape`, may not get away: it stands, until it
         has said that it is elsewhere.
         """
         known = []
+        near_m = scale_of(shape).near_m
+        touch = 2.0 * shape.radius + CLOSE_M
         for robot, peer in self.in_order().items():
             hello = peer.hello
             if hello is None:
@@ -226,8 +229,8 @@ class Peers:
                 self._standing = None
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
-            if silent or (abs(hello.x - pose.x) < HEARD_NEAR_M and abs(hello.y - pose.y) < HEARD_NEAR_M):
-                stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < 2.0 * radius + CLOSE_M
+            if silent or (abs(hello.x - pose.x) < near_m and abs(hello.y - pose.y) < near_m):
+                stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < touch
                 v = 0.0 if stands else hello.v
                 vx = v * math.cos(hello.theta)
                 vy = v * math.sin(hello.theta)
@@ -253,7 +256,7 @@ class Peers:
             hello = peer.hello
             assert hello is not None
             unheard = max(0, self.links.listed(other) - peer.hello_at) + 2 * self.links.lasts
-            reach = shape.speed * in_seconds(unheard) + 2.0 * shape.radius + HEARD_NEAR_M
+            reach = shape.speed * in_seconds(unheard) + 2.0 * shape.radius + scale_of(shape).near_m
             if hypot(hello.x - pose.x, hello.y - pose.y) < reach:
                 return True
         return False

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from doc_pages import page, section, table
 
+from rmr.base.arena import RobotShape
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, timing
 from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched
@@ -195,7 +197,7 @@ def test_the_figures_of_motion_are_those_of_the_code():
     text = section(PAGE, "How motion uses turns")
     for figure in (
         f"within {route.GATE_REACH_M * 100:.0f} cm of the gate's point",
-        f"(2 radius + {approach.HEADWAY_MARGIN_M * 100:.0f} cm) / speed",
+        f"(2 radius + {scale_of(RobotShape()).headway_m * 100:.0f} cm) / speed",
         f"+ {in_seconds(approach.ORDER_MARGIN):g} s, if that is more",
         f"slot - approach - {in_seconds(crossing.LEAVE_EARLY):g} s",
         f"at the line within {in_seconds(lateness.READY):g} s",

@@ -165,7 +165,7 @@ def test_a_moving_body_is_remembered_where_it_would_be_now():
 
 
 def test_a_deadlock_begins_when_patience_is_over_and_not_while_the_robot_moves():
-    detector = DeadlockDetector(robot=0)
+    detector = DeadlockDetector(0, RobotShape())
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
     assert not detector.blocked(0, wish, stopped)
     assert not detector.blocked(seconds(0.5), wish, wish)
@@ -175,7 +175,7 @@ def test_a_deadlock_begins_when_patience_is_over_and_not_while_the_robot_moves()
 
 
 def test_turning_to_the_way_out_of_a_deadlock_is_no_standing_before_another():
-    detector = DeadlockDetector(robot=0)
+    detector = DeadlockDetector(0, RobotShape())
     wish, stopped, turning = Twist(FULL, 0.0), Twist(0.0, 0.0), Twist(0.0, 3.0)
     assert not detector.blocked(0, wish, stopped)
     assert detector.blocked(seconds(0.8), wish, stopped)
@@ -187,7 +187,7 @@ def test_turning_to_the_way_out_of_a_deadlock_is_no_standing_before_another():
 def test_before_the_own_slot_patience_lasts_longer_for_standing_is_in_order():
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
     for more, after_s in ((0, 0.8), (EARLY_PATIENCE, 3.8)):
-        detector = DeadlockDetector(robot=0)
+        detector = DeadlockDetector(0, RobotShape())
         assert not detector.blocked(0, wish, stopped, more)
         assert not detector.blocked(seconds(after_s - 0.2), wish, stopped, more)
         assert detector.blocked(seconds(after_s), wish, stopped, more)
@@ -196,7 +196,7 @@ def test_before_the_own_slot_patience_lasts_longer_for_standing_is_in_order():
 def test_robots_differ_in_patience():
     times = []
     for robot in range(4):
-        detector = DeadlockDetector(robot)
+        detector = DeadlockDetector(robot, RobotShape())
         now = 0
         while not detector.blocked(now, Twist(FULL, 0.0), Twist(0.0, 0.0)):
             now += seconds(0.01)
@@ -206,7 +206,7 @@ def test_robots_differ_in_patience():
 
 def test_a_detour_takes_the_other_to_be_further_left_so_that_both_pass_on_the_right():
     for theta in (0.0, math.pi / 2, math.pi):
-        detector = DeadlockDetector(1)
+        detector = DeadlockDetector(1, RobotShape())
         ahead = (0.2 * math.cos(theta), 0.2 * math.sin(theta))
         memory = BodyMemory(RobotShape())
         memory.update(0, Pose(0.0, 0.0, theta), [body(0.2)])

@@ -170,9 +170,9 @@ def test_a_peer_is_silent_for_a_while_and_then_dead_where_it_fell(parked: bool) 
     peers = Peers()
     peers.heard(0, 2, -50.0)
     peers.hello(0, 2, Hello(0.8, 0.5, 0.0, 0.0, parked, 0, None))
-    assert [one.silent for one in peers.heard_of(seconds(1), HERE, 0.07)] == [False]
-    assert [one.silent for one in peers.heard_of(seconds(3), HERE, 0.07)] == [True]
-    assert peers.heard_of(seconds(16), HERE, 0.07) == []
+    assert [one.silent for one in peers.heard_of(seconds(1), HERE, SHAPE)] == [False]
+    assert [one.silent for one in peers.heard_of(seconds(3), HERE, SHAPE)] == [True]
+    assert peers.heard_of(seconds(16), HERE, SHAPE) == []
     assert peers.parked(seconds(16)) == (Point(0.8, 0.5),)
 
 
@@ -183,8 +183,8 @@ def test_who_said_that_it_stays_is_silent_only_so_much_later():
         peers.heard(0, 2, -50.0)
         peers.hello(0, 2, Hello(0.8, 0.5, 0.0, 0.0, True, 0, None, stays=stays))
         for now, silent in ((late_s - 0.1, False), (late_s + 0.1, True)):
-            assert [one.silent for one in peers.heard_of(seconds(now), HERE, 0.07)] == [silent]
-        near = hearing(*peers.heard_of(STAYS, HERE, 0.07))
+            assert [one.silent for one in peers.heard_of(seconds(now), HERE, SHAPE)] == [silent]
+        near = hearing(*peers.heard_of(STAYS, HERE, SHAPE))
         assert (near.forbids(STAYS, HERE, []) == 0) is stays
 
 
@@ -193,8 +193,8 @@ def test_a_promise_to_stay_counts_from_when_it_was_said_however_late_it_was_read
     peers.heard(read, 2, -50.0)
     peers.hello(read, 2, Hello(0.8, 0.5, 0.0, 0.0, True, 0, None, stays=True), said=0)
     late_s = in_seconds(STAYS + SILENT_PARKED)
-    assert [one.silent for one in peers.heard_of(seconds(late_s - 0.1), HERE, 0.07)] == [False]
-    assert [one.silent for one in peers.heard_of(seconds(late_s + 0.1), HERE, 0.07)] == [True]
+    assert [one.silent for one in peers.heard_of(seconds(late_s - 0.1), HERE, SHAPE)] == [False]
+    assert [one.silent for one in peers.heard_of(seconds(late_s + 0.1), HERE, SHAPE)] == [True]
 
 
 def test_who_sets_out_from_right_beside_may_not_get_away_and_stands_until_it_says_that_it_is_elsewhere():
@@ -207,11 +207,11 @@ def test_who_sets_out_from_right_beside_may_not_get_away_and_stands_until_it_say
         (3, (0.64, 0.2), True),
     ):
         peers.hello(seconds(told), 2, Hello(x, 0.6, 0.0, v, False, 0, None))
-        (said,) = peers.heard_of(seconds(told), HERE, 0.07)
+        (said,) = peers.heard_of(seconds(told), HERE, SHAPE)
         assert (said.vx > 0.0) is moves
     peers.hello(seconds(4), 2, Hello(0.64, 0.7, 0.0, 0.0, False, 0, None))
     peers.hello(seconds(5), 2, Hello(0.64, 0.7, 0.0, 0.2, False, 0, None))
-    assert peers.heard_of(seconds(5), HERE, 0.07)[0].vx > 0.0, "there is room enough"
+    assert peers.heard_of(seconds(5), HERE, SHAPE)[0].vx > 0.0, "there is room enough"
 
 
 BEHIND = Pose(0.5, 0.5, 0.0)

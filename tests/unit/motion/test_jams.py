@@ -6,7 +6,7 @@ from itertools import combinations
 import bench
 import pytest
 
-from rmr.base.arena import BOTTLENECK, Area, Arena
+from rmr.base.arena import BOTTLENECK, Area, Arena, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
@@ -64,7 +64,7 @@ def test_a_robot_that_is_walled_in_finds_no_way():
 
 def test_a_stand_off_endures_only_where_the_robot_stays():
     here, there = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0)
-    stays, moves = DeadlockDetector(1), DeadlockDetector(1)
+    stays, moves = DeadlockDetector(1, RobotShape()), DeadlockDetector(1, RobotShape())
     assert not stays.endures(0, here, walks=False)
     assert stays.endures(ENDURED, here, walks=False)
     assert stays.endures(ENDURED + seconds(1), there, walks=True)

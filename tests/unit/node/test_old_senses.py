@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from rmr.base.arena import NOWHERE
+from rmr.base.arena import NOWHERE, RobotShape
 from rmr.base.geometry import Pose, Twist
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, tick_start
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
-from rmr.node.driver import STALE, UNWATCHED, Driver
+from rmr.node.driver import STALE, Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.node import Node
 from rmr.node.payloads import PAYLOAD_OCTETS_MAX, Hello, encode_hello
@@ -77,7 +78,7 @@ def test_a_robot_whose_samples_are_older_slows_down_stands_and_goes_on_when_new_
     robot = Slow()
     assert robot.run(60) == FULL
     assert robot.run(60, milliseconds(33)) == FULL, "a process that is called in time has samples of that age"
-    assert 0.0 < robot.run(60, milliseconds(80)) <= FULL * UNWATCHED / milliseconds(80)
+    assert 0.0 < robot.run(60, milliseconds(80)) <= FULL * scale_of(RobotShape()).unwatched / milliseconds(80)
     assert robot.run(60, milliseconds(150)) == 0.0
     stood = robot.world.pose(robot.robot)
     robot.run(60, milliseconds(150))

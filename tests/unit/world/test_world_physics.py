@@ -6,10 +6,11 @@ import time
 import pytest
 from world_labs import LABS, ROOM, lab_of
 
+from rmr.base.arena import BRAKE
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_MS, NS_PER_S, seconds, tick_start
 from rmr_world.lab_file import load_lab
-from rmr_world.physics import ACCELERATION, World
+from rmr_world.physics import World
 
 FORWARD = Twist(0.2, 0.0)
 
@@ -52,7 +53,7 @@ def test_a_turning_robot_drives_a_circle(tmp_path):
 def test_the_wheels_accelerate_no_faster_than_they_can(tmp_path):
     world = world_of(tmp_path, (1.0, 0.5, 0))
     drive(world, {1: FORWARD}, 0.125)
-    assert world.distance_m(1) <= 0.5 * ACCELERATION * 0.15**2
+    assert world.distance_m(1) <= 0.5 * BRAKE * 0.15**2
 
 
 def test_commands_are_cut_to_what_the_wheels_can_do(tmp_path):

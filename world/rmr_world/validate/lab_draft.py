@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage, Obstacle, Polygon, RobotShape
 from rmr.base.geometry import Point, Pose
+from rmr.base.motion_scale import view_depth
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
@@ -110,7 +111,9 @@ class LabDraft:
         width, height = spec.arena.size
         # A robot that is too large for the arena fits nowhere: with the least radius that is one error, not many.
         radius = spec.robot.radius if self.robot_fits_arena else RADIUS_M_MIN
-        shape = RobotShape(radius, spec.robot.speed, spec.robot.turn, spec.robot.view.angle, spec.robot.view.depth)
+        view = spec.robot.view
+        depth = view_depth(radius, spec.robot.speed) if view.depth is None else view.depth
+        shape = RobotShape(radius, spec.robot.speed, spec.robot.turn, view.angle, depth)
         return Arena(
             width,
             height,

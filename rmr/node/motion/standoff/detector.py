@@ -2,13 +2,16 @@
 
 A robot that wants to drive and may hardly do so for longer than its patience is in a deadlock. Robots differ in
 patience, so that not all of them act at once. A deadlock that has lasted for `ENDURED` although escapes were tried, and
-in which the robot has got nowhere, *endures*: nothing but the last resort is left.
+in which the robot has got nowhere, *endures*: nothing but the last resort is left. The times are multiplied by the
+tempo of the robots, the lengths by their size.
 """
 
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist, hypot
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
 
 DRIVES_MPS: Final = 0.02
@@ -37,10 +40,15 @@ ENDURED_M: Final = 0.1
 class DeadlockDetector:
     """What one robot knows of the deadlock it is in."""
 
-    __slots__ = ("_at", "_at_since", "_patience", "_since", "ghosts", "ghosts_until", "tries", "walks")
+    __slots__ = (
+        "_at", "_at_since", "_patience", "_scale", "_since", "early", "ghosts", "ghosts_until", "tries", "walks",
+    )  # fmt: skip
 
-    def __init__(self, robot: int) -> None:
-        self._patience = seconds(PATIENCE_S + PATIENCE_STEP_S * (robot % 4))
+    def __init__(self, robot: int, shape: RobotShape) -> None:
+        self._scale: Final = scale_of(shape)
+        self._patience = seconds((PATIENCE_S + PATIENCE_STEP_S * (robot % 4)) * self._scale.tempo)
+        self.early: Final[Duration] = round(EARLY_PATIENCE * self._scale.tempo)
+        """Additional patience before the robot's own slot."""
         self._since: Instant | None = None
         """Since when the robot has been kept standing."""
         self._at: Point | None = None
@@ -84,10 +92,10 @@ class DeadlockDetector:
             if away > AROUND_RADII * radius or away < 1e-6:
                 continue
             # The direction to the other, rotated by 90 degrees to the left, is (-(y - pose.y), x - pose.x) / away.
-            shift = BIAS_M / away
+            shift = BIAS_M * self._scale.size / away
             ghosts += [Point(x, y), Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift)]
         self.ghosts = tuple(ghosts)
-        self.ghosts_until = now + seconds(GHOST_S)
+        self.ghosts_until = now + seconds(GHOST_S * self._scale.tempo)
 
     def around(self, now: Instant, standing: Iterable[Point]) -> Iterable[Point]:
         """Return what a new route leads around: the ghosts, later in the deadlock the others that are `standing`."""
@@ -100,10 +108,10 @@ class DeadlockDetector:
 
         For a robot that `walks` away from one already, and gets stuck again elsewhere, it does at once.
         """
-        if self._at is None or hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M:
+        if self._at is None or hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M * self._scale.size:
             self._at = Point(pose.x, pose.y)
             self._at_since = now
-        if now - self._at_since < ENDURED and not (walks and self.walks):
+        if now - self._at_since < round(ENDURED * self._scale.tempo) and not (walks and self.walks):
             return False
         self.walks += 1
         return True

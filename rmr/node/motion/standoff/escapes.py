@@ -11,6 +11,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point
+from rmr.base.motion_scale import scale_of
 from rmr.base.streams import uniform
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.gate import EntryGate
@@ -118,7 +119,10 @@ class ClearEntrance(Escape):
         room = impasse.gate.room(route)
         end = route.points[-1]
         out = clearing_route(impasse.arena, impasse.at, end, impasse.parked, impasse.others, route.mouth, room)
-        return None if out is None else Manoeuvre(Excursion(out, impasse.now + CLEAR_S, stays=False))
+        if out is None:
+            return None
+        until = impasse.now + round(CLEAR_S * scale_of(impasse.arena.shape).tempo)
+        return Manoeuvre(Excursion(out, until, stays=False))
 
 
 class Retreat(Escape):
@@ -155,7 +159,7 @@ class Detour(Escape):
         """Return a short reverse manoeuvre, which makes room to turn; the new route is followed from then on."""
         if not impasse.replan():
             return None
-        return Manoeuvre(reverse=seconds(REVERSE_S if impasse.tries % 3 else 2.0 * REVERSE_S))
+        return Manoeuvre(reverse=_reverse(impasse.arena, 1.0 if impasse.tries % 3 else 2.0))
 
 
 class GiveWay(Escape):
@@ -171,8 +175,8 @@ class GiveWay(Escape):
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a reverse manoeuvre, none by the first entrance."""
-        length = 2.0 * REVERSE_S * min(impasse.tries, GIVE_WAY_TRIES_MAX)
-        return Manoeuvre(reverse=seconds(length if impasse.gate.met_by(impasse.route) else 0.0))
+        times = 2.0 * min(impasse.tries, GIVE_WAY_TRIES_MAX) if impasse.gate.met_by(impasse.route) else 0.0
+        return Manoeuvre(reverse=_reverse(impasse.arena, times))
 
 
 class Reverse(Escape):
@@ -185,12 +189,17 @@ class Reverse(Escape):
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a reverse manoeuvre, twice as long as that before a detour."""
         assert impasse.symptom is DeadlockCause.DEADLOCK
-        return Manoeuvre(reverse=seconds(2.0 * REVERSE_S))
+        return Manoeuvre(reverse=_reverse(impasse.arena, 2.0))
 
 
 def retreat_until(now: Instant, robot: int, tries: int) -> Instant:
     """Return when a robot comes back from its `tries`-th retreat that begins `now`."""
     return now + seconds(RETREAT_S + RETREAT_SPREAD_S * uniform("stay", robot, tries))
+
+
+def _reverse(arena: Arena, times: float) -> Duration:
+    """Return how long a reverse manoeuvre takes: the larger the robots, the farther it leads."""
+    return seconds(times * REVERSE_S * scale_of(arena.shape).size)
 
 
 ESCAPES: Final[tuple[Escape, ...]] = (

@@ -14,6 +14,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance
+from rmr.base.motion_scale import scale_of
 from rmr.base.streams import uniform
 from rmr.node.motion.grid import PATH_MARGIN_M, segment_clearance
 from rmr.node.motion.priority import Heard
@@ -28,9 +29,9 @@ FARTHER: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0)
 RETREAT_DIRECTIONS: Final = 12
 """Directions in which a retreat is tried."""
 RETREAT_DETOUR_M: Final = 0.3
-"""A retreat whose path is longer than straight by more than this is not taken."""
+"""A retreat whose path is longer than straight by more than this, times the size of the robots, is not taken."""
 OTHERS_PATHS_M: Final = 1.0
-"""A retreat keeps off the paths of other robots that are no farther away than this."""
+"""A retreat keeps off the paths of other robots that are no farther away than this, times the size."""
 OTHERS_PATHS_MAX: Final = 8
 """Paths of others that a retreat keeps off, of the nearest: planning one takes some 10 ms in a hall."""
 
@@ -112,6 +113,7 @@ def retreat_route(
     bottleneck, and on as few as can be of the `paths` that others want to take.
     """
     radius = arena.shape.radius
+    detour_m = RETREAT_DETOUR_M * scale_of(arena.shape).size
     side = side_of(arena, start, goal)
     best: Route | None = None
     least = len(paths) + 1
@@ -122,7 +124,7 @@ def retreat_route(
         if hindered >= least:
             continue
         route = leader_route(arena, start, spot, others, through_gate=False)
-        if route and route.length_m < away + RETREAT_DETOUR_M and side_of(arena, spot, goal) is side:
+        if route and route.length_m < away + detour_m and side_of(arena, spot, goal) is side:
             best = route
             least = hindered
             if not least:
@@ -153,6 +155,7 @@ def _near(spot: Point, others: Sequence[Point], radius: float) -> bool:
 def paths_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:
     """Return the paths to their goals of those of `others` that drive nearest to `here`, around those `parked`."""
     trips = [(Point(other.pose.x, other.pose.y), other.goal) for other in others if other.goal is not None]
-    near = sorted((away, at, goal) for at, goal in trips if (away := distance(*at, *here)) < OTHERS_PATHS_M)
+    near_m = OTHERS_PATHS_M * scale_of(arena.shape).size
+    near = sorted((away, at, goal) for at, goal in trips if (away := distance(*at, *here)) < near_m)
     routes = (leader_route(arena, at, goal, parked, through_gate=False) for _, at, goal in near[:OTHERS_PATHS_MAX])
     return [route for route in routes if route is not None]

@@ -1,0 +1,47 @@
+"""Robots that are faster or larger than the reference robot change sides, and touch nothing."""
+
+from random import Random
+
+import pytest
+from shape_labs import PROGRAM, shape_lab
+
+from rmr_sim.run_setup import prepare
+
+CROSSING = """
+lab: fast
+program: fast.rmr
+duration: 60s
+finish: there(R)
+arena: {{size: [4.0, 2.0]}}
+areas: {{r1: {{at: [3.7, 0.5]}}, r2: {{at: [3.7, 1.5]}}, l1: {{at: [0.3, 0.5]}}, l2: {{at: [0.3, 1.5]}}}}
+robots:
+  - {{id: 1, pose: [0.3, 0.5, 0deg]}}
+  - {{id: 2, pose: [0.3, 1.5, 0deg]}}
+  - {{id: 3, pose: [3.7, 0.5, 180deg]}}
+  - {{id: 4, pose: [3.7, 1.5, 180deg]}}
+facts: ["goes(@1, r2)", "goes(@2, r1)", "goes(@3, l2)", "goes(@4, l1)"]
+robot: {{speed: {speed}}}
+localisation: {{beacons: [[0, 0], [4.0, 0]]}}
+"""
+"""Four robots cross in the middle. With a view of 25 cm they touched at 0.4, 0.5 and 0.7 m/s in seeds 1 to 10: 2, 8 and
+21 times."""
+
+
+def run(folder, lab, seed):
+    (folder / "fast.rmr").write_text(PROGRAM)
+    (folder / "shapes.rmr").write_text(PROGRAM)
+    (folder / "lab.yaml").write_text(lab)
+    simulation = prepare(folder, seed=seed)
+    return simulation.run(), simulation.world.collisions
+
+
+@pytest.mark.parametrize(("speed", "seed"), [(0.4, 3), (0.5, 1), (0.5, 2), (0.7, 1), (0.7, 2)])
+def test_faster_robots_see_each_other_early_enough(tmp_path, speed, seed):
+    assert run(tmp_path, CROSSING.format(speed=speed), seed) == (True, 0)
+
+
+@pytest.mark.parametrize(
+    ("radius", "speed", "robots"), [(0.05, 0.7, 3), (0.15, 0.4, 4), (0.15, 1.0, 5), (0.3, 0.4, 4), (0.5, 1.0, 2)]
+)
+def test_robots_of_any_size_and_speed_change_sides_on_open_floor(tmp_path, radius, speed, robots):
+    assert run(tmp_path, shape_lab("crossing", radius, speed, robots, Random(1)), 1) == (True, 0)
