@@ -4,9 +4,9 @@ The margins of `rmr.node.motion` were measured with one robot, `REFERENCE`. What
 is the same for all robots, and stands where it is used. All else has parts that grow with different things:
 
 - *way to stand*, v LAG_S + v^2 / (2 BRAKE): what has to be seen or heard early enough;
-- *blur*, what a robot drives within the age of a sample: gaps between hulls that drive;
+- *blur*, what a robot drives within the age of a sample: gaps to bodies that drive, by the speed that they have;
 - *size*, the radius: how far places are apart, how far aside an escape leads;
-- *tempo*, the time to drive the own width, or to brake: when standing is a deadlock.
+- *tempo*, the time to drive the own width: when standing is a deadlock.
 
 For the reference robot each value is that which was measured, to the bit. No margin is less than that: localisation,
 radio and grid do not become finer with a smaller or slower robot. docs/motion.md has the argument.
@@ -27,12 +27,14 @@ PLANNED_BRAKE: Final = 0.5
 """Deceleration of planned stops, and of slowing down early, m/s^2."""
 SAMPLE_AGE_S: Final = 2.0 * TICK_S
 """Age of a sample in a process that is called in time, seconds."""
+HEADING_ERROR: Final = 0.03
+"""Three standard deviations of the estimated heading, radians."""
 NOTICE_S: Final = 0.4
 """Time in which two robots that come into each other's view begin to brake, seconds."""
 HEAR_S: Final = 0.65
 """Time in which a robot hears of a change, seconds: three hellos of those that drive."""
-WIDTH_S: Final = 0.7
-"""Time in which the reference robot drives its own width, seconds."""
+LEAST_HORIZON_S: Final = 1.0
+"""How far ahead the paths of robots are predicted that stop at once, seconds; else for the time to drive six widths."""
 
 
 def way_to_stand(speed: float, brake: float = BRAKE) -> float:
@@ -56,6 +58,11 @@ def least_view_depth(radius: float, speed: float) -> float:
     return radius + 2.0 * way_to_stand(speed, REACTION_BRAKE)
 
 
+def blur_m(speed: float) -> float:
+    """Return how much farther than the reference robot one drives at `speed` m/s within the age of a sample, metres."""
+    return SAMPLE_AGE_S * max(0.0, speed - REFERENCE.speed)
+
+
 def _beyond_reference(speed: float, brake: float) -> float:
     """Return by how much a robot's way to stand is longer than that of the reference robot, metres; 0 at least."""
     return max(0.0, way_to_stand(speed, brake) - way_to_stand(REFERENCE.speed, brake))
@@ -74,13 +81,15 @@ class MotionScale:
     pace: float
     """The speed, in those of the reference robot; 1 at least."""
     tempo: float
-    """Time to drive the own width or to brake, in widths of the reference robot; 1 at least."""
-    blur_m: float
-    """How much farther than the reference robot it drives within the age of a sample, metres."""
+    """Time to drive the own width, in that of the reference robot; 1 at least."""
+    astray_m: float
+    """How far an error of the heading leads it astray on its way to stand, beyond the reference robot, metres."""
     stop_s: float
     """Time to stop from full speed for another robot, seconds."""
     stop_range_m: float
     """Beyond this gap a robot can stop from full speed, whatever the other does, metres."""
+    conflict_gap_m: float
+    """Predicted gap between hulls that is wide enough, metres."""
     near_m: float
     """Robots whose centres are farther apart than this cannot matter before the next update, metres."""
     update: Duration
@@ -113,19 +122,19 @@ def scale_of(shape: RobotShape) -> MotionScale:
     pace = max(1.0, speed / REFERENCE.speed)
     faster = max(0.0, speed - REFERENCE.speed)
     wider = max(0.0, radius - REFERENCE.radius)
-    blur_m = SAMPLE_AGE_S * faster
     widths = (radius / REFERENCE.radius) / (speed / REFERENCE.speed)
     step_s = 0.25 * widths
-    horizon_s = 4.0 * max(1.0, widths) + faster / BRAKE
+    horizon_s = max(4.0 * widths, LEAST_HORIZON_S) + faster / BRAKE
     return MotionScale(
         radius=radius,
         speed=speed,
         size=size,
         pace=pace,
-        tempo=max(1.0, widths, (LAG_S + speed / BRAKE) / WIDTH_S),
-        blur_m=blur_m,
+        tempo=max(1.0, widths),
+        astray_m=HEADING_ERROR * _beyond_reference(speed, BRAKE),
         stop_s=0.4 + faster / REACTION_BRAKE,
-        stop_range_m=0.09 + 2.0 * _beyond_reference(speed, REACTION_BRAKE) + blur_m,
+        stop_range_m=0.09 + 2.0 * _beyond_reference(speed, REACTION_BRAKE) + blur_m(speed),
+        conflict_gap_m=0.04 + 2.0 * blur_m(speed),
         near_m=0.5 + 2.0 * (wider + _beyond_reference(speed, BRAKE) + HEAR_S * faster),
         update=round(milliseconds(200) / pace),
         unwatched=max(seconds(SAMPLE_AGE_S), round(milliseconds(50) / pace)),

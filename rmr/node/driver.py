@@ -157,6 +157,7 @@ class Driver:
                 twist = watched(twist, unwatched, self._scale.unwatched)
                 self.held_by = "unwatched"
                 self._switches.count("unwatched")
+        twist = navigator.control.wheels.command(now, twist)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 

@@ -1,7 +1,7 @@
 """Labs for robots of any radius and speed: their floors grow with what the robots need.
 
-`crossing`: robots of both sides change places on open floor. `head_on`: the same in a lane two robots wide and a half.
-`bottleneck`: a wall with a door, by which robots of both sides drive in turns.
+`crossing`: robots of both sides change places on open floor. `head_on`: the same in a lane where one can pass another
+that stands in its middle. `bottleneck`: a wall with a door, by which robots of both sides drive in turns.
 """
 
 import math
@@ -30,7 +30,7 @@ def shape_lab(kind: str, radius: float, speed: float, robots: int, rng: Random, 
     wait = 2.0 * radius + 0.1
     high = max(rows * step, 6.0 * radius) + 0.1
     if kind == "head_on":
-        high = 5.0 * radius + 0.2
+        high = 7.0 * radius + 0.2
         rows = 1
     columns = math.ceil((robots + 1) // 2 / rows)
     side = columns * step + wait

@@ -19,6 +19,7 @@ from typing import Final
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.grid_path import STEPS, GridPath
+from rmr.base.motion_scale import scale_of
 from rmr.node.motion.grid import (
     PATH_MARGIN_M,
     RELAXED_M,
@@ -173,7 +174,9 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
     """Return a way from `start` to `goal` around obstacles and parked robots, or None when there is none."""
     if arena.clearance(*goal) < arena.shape.radius:
         return None  # no robot can stand there
-    for margin in (PATH_MARGIN_M, DOOR_MARGIN_M):
+    # Where there is room, a robot whose way to stand is long keeps off by what its heading may lead it astray on it.
+    wide = PATH_MARGIN_M + scale_of(arena.shape).astray_m
+    for margin in (wide, PATH_MARGIN_M, DOOR_MARGIN_M) if wide > PATH_MARGIN_M else (PATH_MARGIN_M, DOOR_MARGIN_M):
         found = _plan(arena, start, goal, parked, margin)
         if found is not None:
             return found

@@ -15,7 +15,7 @@ from typing import Final
 
 from rmr.base.arena import REFERENCE
 from rmr.base.geometry import Twist, hypot
-from rmr.base.motion_scale import LAG_S, PLANNED_BRAKE, REACTION_BRAKE, MotionScale
+from rmr.base.motion_scale import LAG_S, PLANNED_BRAKE, REACTION_BRAKE, MotionScale, blur_m
 from rmr.node.ports import SeenBody
 
 CPA_MARGIN_M: Final = 0.025
@@ -62,7 +62,7 @@ def closing_limit(v: float, body: SeenBody, scale: MotionScale, late: bool) -> f
     distance = hypot(x, y)
     touch = 2.0 * scale.radius
     gap = distance - touch
-    blur = scale.blur_m
+    blur = blur_m(min(scale.speed, hypot(body_vx, body_vy)))
     relative_vx = body_vx - v
     # Closing speed along the line of centres, times the distance; > 0: the gap shrinks.
     closing = -(x * relative_vx + y * body_vy)

@@ -19,8 +19,6 @@ from rmr.base.motion_scale import MotionScale, scale_of
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
-CONFLICT_GAP_M: Final = 0.04
-"""Predicted gap between hulls that is wide enough."""
 ROUNDING_M: Final = 1e-6
 """For rounding."""
 SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
@@ -100,7 +98,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     speed = shape.speed
     scale = scale_of(shape)
     # Robots that cannot come within `keep` in the horizon, even if both drive towards each other, are left out first.
-    keep = 2.0 * shape.radius + CONFLICT_GAP_M + 2.0 * scale.blur_m
+    keep = 2.0 * shape.radius + scale.conflict_gap_m
     reach = keep + (2.0 * scale.horizon_s + in_seconds(AGE_MAX)) * speed
     near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
     tracks = [_track(now, other, scale) for other in near if _may_meet(now, other, here, scale, keep)]

@@ -11,19 +11,19 @@ at more than `SLOPE`, for the error of the estimates turns the direction in whic
 import math
 from typing import Final, final
 
-from rmr.base.arena import Arena
+from rmr.base.arena import BRAKE, Arena
 from rmr.base.geometry import Pose, Twist, hypot
+from rmr.base.motion_scale import HEADING_ERROR, LAG_S
 from rmr.base.time import Duration, in_seconds
 
 SIGMAS: Final = 3.0
 """The margin between two hulls, or a hull and a wall, in standard deviations of their distance."""
-BRAKE: Final = 0.8
-"""Deceleration of the wheels, m/s^2."""
-LAG_S: Final = 0.117
-"""Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
 SLOPE: Final = 0.1
 """How much the true way may be off the estimated one, as a share of it: 0.03 of the heading, and 1 cm of the place,
-seen from 14 cm. A way that passes something must lead away from it by that much."""
+seen from 14 cm. A way that leads away from something must do so by that much."""
+SLOPE_WAY_M: Final = 0.05
+"""On a way to a place that keeps the margin, the error of the place is in the margin already, and has no part in the
+slope from here on: HEADING_ERROR is left. The reference robot stands within this."""
 STEP_M: Final = 0.002
 """Least step along a way. Between two points that are farther than D from another one, the way is nearer by at most
 STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
@@ -113,6 +113,7 @@ def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
     if away < keep and not other.stands:
         return 0.0
     floor = min(keep, away)
+    leads_away = away < keep
     forward = 1.0 if twist.v > 0.0 else -1.0
     bend = twist.w / abs(twist.v)
     s = 0.0
@@ -121,7 +122,7 @@ def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
         x = forward * _along(bend, ahead)
         y = forward * _aside(bend, ahead)
-        room = hypot(other.x - x, other.y - y) - floor - SLOPE * ahead
+        room = hypot(other.x - x, other.y - y) - floor - _astray(ahead, leads_away)
         if room < 0.0:
             return s
         s = ahead
@@ -134,6 +135,7 @@ def _way_within(twist: Twist, pose: Pose, arena: Arena, keep: float, way: float)
     if away - keep >= way * (1.0 + SLOPE):
         return way
     floor = min(keep, away)
+    leads_away = away < keep
     forward = 1.0 if twist.v > 0.0 else -1.0
     bend = twist.w / abs(twist.v)
     cos = forward * math.cos(pose.theta)
@@ -144,11 +146,19 @@ def _way_within(twist: Twist, pose: Pose, arena: Arena, keep: float, way: float)
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
         x = _along(bend, ahead)
         y = _aside(bend, ahead)
-        room = arena.clearance(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos) - floor - SLOPE * ahead
+        clear = arena.clearance(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos)
+        room = clear - floor - _astray(ahead, leads_away)
         if room < 0.0:
             return s
         s = ahead
     return way
+
+
+def _astray(s: float, leads_away: bool) -> float:
+    """Return how far the true way may be off the estimated one after `s` metres, across it."""
+    if leads_away or s <= SLOPE_WAY_M:
+        return SLOPE * s
+    return SLOPE * SLOPE_WAY_M + HEADING_ERROR * (s - SLOPE_WAY_M)
 
 
 def _along(bend: float, s: float) -> float:

@@ -12,6 +12,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
 from rmr.node.motion.body_memory import BodyMemory
+from rmr.node.motion.braking import Wheels
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
@@ -62,6 +63,7 @@ class SpeedControl:
         "law",
         "scene",
         "sigma_m",
+        "wheels",
     )
 
     def __init__(self, arena: Arena, robots: int, switches: RuleSwitches) -> None:
@@ -75,6 +77,7 @@ class SpeedControl:
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
+        self.wheels = Wheels(arena.shape)
         self.sigma_m = 0.0
         """Standard deviation of the estimated position, metres."""
         self.hearing = Hearing(arena.shape, robots)
@@ -188,15 +191,21 @@ class SpeedControl:
         """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
         if twist.v == 0.0 or self._switches.off("shield"):
             return twist
-        pose = self.scene.pose
-        shield = self._shield
-        share = shield.within(twist, pose, self.arena, self.sigma_m) if walls else 1.0
-        share = min(share, shield.past(twist, self._standing(pose)))
+        # A robot that brakes drives along the new arc at the speed that it still has, else it stays on the old one.
+        arc = self.wheels.braking(self.scene.now, twist)
+        share = self._share(twist if arc is None else arc, walls=walls)
         if share >= 1.0:
             return twist
         self._switches.count("shield")
         self.law.limited_by = "shield"
-        return Twist(share * twist.v, share * twist.w)
+        return Twist(share * twist.v, share * twist.w) if arc is None else STILL
+
+    def _share(self, twist: Twist, *, walls: bool) -> float:
+        """Return the share of `twist` that the shield permits."""
+        pose = self.scene.pose
+        shield = self._shield
+        share = shield.within(twist, pose, self.arena, self.sigma_m) if walls else 1.0
+        return min(share, shield.past(twist, self._standing(pose)))
 
     def _standing(self, pose: Pose) -> list[TakenDisc]:
         """Return the robots near that stand: those in view as they are seen, the others as they were heard."""

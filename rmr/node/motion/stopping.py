@@ -13,7 +13,7 @@ import math
 from typing import Final
 
 from rmr.base.geometry import hypot
-from rmr.base.motion_scale import LAG_S, REACTION_BRAKE, MotionScale
+from rmr.base.motion_scale import LAG_S, REACTION_BRAKE, MotionScale, blur_m
 from rmr.node.ports import SeenBody
 
 STOPPING_GAP_M: Final = 0.005
@@ -26,12 +26,13 @@ def stopping_speed(v: float, body: SeenBody, scale: MotionScale) -> float:
     y = body.y
     vx = body.vx
     vy = body.vy
-    touch = 2.0 * scale.radius + STOPPING_GAP_M + scale.blur_m
+    speed = hypot(vx, vy)
+    touch = 2.0 * scale.radius + STOPPING_GAP_M + blur_m(min(scale.speed, speed))
     reach = touch + scale.stop_range_m
     if x <= 0.0 or x * x + y * y > reach * reach:
         return v
     # The other one brakes evenly: it moves on for v^2 / (2 a) in its direction, that is for v * (|v| / (2 a)).
-    on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)
+    on = speed / (2.0 * REACTION_BRAKE)
     x = x + vx * on
     y = y + vy * on
     if x <= 0.0 or abs(y) >= touch:

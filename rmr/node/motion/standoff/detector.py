@@ -9,7 +9,7 @@ tempo of the robots, the lengths by their size.
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from rmr.base.arena import RobotShape
+from rmr.base.arena import REFERENCE, RobotShape
 from rmr.base.geometry import Point, Pose, Twist, hypot
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
@@ -17,7 +17,8 @@ from rmr.base.time import Duration, Instant, seconds
 DRIVES_MPS: Final = 0.02
 """A robot no faster than this does not drive."""
 KEPT_SHARE: Final = 0.25
-"""A robot that may drive at no more than this share of the speed it wants is kept standing."""
+"""A robot that may drive at no more than this share of the speed it wants, or of that of the reference robot, is kept
+standing."""
 PATIENCE_S: Final = 0.7
 """A robot kept standing for longer than this is in a deadlock."""
 PATIENCE_STEP_S: Final = 0.2
@@ -72,7 +73,7 @@ class DeadlockDetector:
 
     def blocked(self, now: Instant, wish: Twist, allowed: Twist, more: Duration = 0) -> bool:
         """Take in this tick; return whether the patience, and `more`, is over (once per patience)."""
-        if wish.v <= DRIVES_MPS or allowed.v > KEPT_SHARE * wish.v:
+        if wish.v <= DRIVES_MPS or allowed.v > KEPT_SHARE * min(wish.v, REFERENCE.speed):
             if allowed.v > DRIVES_MPS:
                 self._since = None
             return False
