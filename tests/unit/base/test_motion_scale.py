@@ -40,11 +40,11 @@ def test_the_reference_robot_has_the_margins_that_were_measured_to_the_bit():
     ("radius", "speed", "depth", "near", "tempo", "update_ms"),
     [
         (0.05, 0.1, 0.25, 0.5, 1.43, 200),
-        (0.07, 0.5, 0.70, 1.22, 1.06, 80),
-        (0.15, 0.5, 0.78, 1.38, 1.06, 80),
-        (0.3, 1.0, 2.19, 3.39, 1.95, 40),
+        (0.07, 0.5, 0.70, 1.22, 1.0, 80),
+        (0.15, 0.5, 0.78, 1.38, 1.0, 80),
+        (0.3, 1.0, 2.19, 3.39, 1.0, 40),
         (0.5, 0.1, 0.68, 1.36, 14.29, 200),
-        (0.5, 2.0, 6.77, 9.07, 3.74, 20),
+        (0.5, 2.0, 6.77, 9.07, 1.0, 20),
     ],
 )
 def test_what_follows_from_some_shapes(radius, speed, depth, near, tempo, update_ms):

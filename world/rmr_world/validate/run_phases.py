@@ -14,6 +14,7 @@ from rmr_world.validate import (
     program_fit,
     reachability,
     schedulability,
+    shape_fit,
     station_use,
 )
 
@@ -21,6 +22,7 @@ Check = Callable[[Lab, Program], Iterable[Finding]]
 
 FEASIBILITY = (
     *lab_lint.CHECKS,
+    *shape_fit.CHECKS,
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
     *passages_passed.CHECKS,
