@@ -154,7 +154,7 @@ def test_a_parked_robot_has_settled_when_it_has_been_heard_there_for_a_second() 
     def settled(now: float, x: float, *, parked: bool) -> list[bool]:
         peers.heard(seconds(now), 2, -50.0)
         peers.hello(seconds(now), 2, Hello(x, 0.5, 0.0, 0.0, parked, 0, None))
-        return [one.settled for one in peers.heard_of(seconds(now), HERE, 0.07)]
+        return [one.settled for one in peers.heard_of(seconds(now), HERE, SHAPE)]
 
     assert settled(1.0, 0.8, parked=True) == [False]
     assert settled(1.5, 0.81, parked=True) == [False]

@@ -1,0 +1,100 @@
+"""Robots faster than the reference robot: the arc on which they brake, how early they slow down, when they wait.
+
+What a fast robot is commanded to do and what its wheels do are not the same: they brake with 0.8 m/s^2.
+"""
+
+import math
+
+import pytest
+
+from rmr.base.arena import Arena, RobotShape
+from rmr.base.geometry import STILL, Point, Pose, Twist
+from rmr.base.motion_scale import PLANNED_BRAKE, REACTION_BRAKE, scale_of
+from rmr.base.time import seconds
+from rmr.node.motion.avoid import STOP_GAP_M, closing_limit
+from rmr.node.motion.braking import Wheels
+from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
+from rmr.node.motion.queueing import queue_reach
+from rmr.node.motion.route import make_route
+from rmr.node.motion.standoff.detector import DeadlockDetector
+from rmr.node.ports import SeenBody
+
+FAST = RobotShape(speed=1.0)
+
+
+def wheels_at(v: float, bend: float, shape: RobotShape = FAST) -> Wheels:
+    """Return wheels that have been commanded long enough to drive at `v`, on an arc of the curvature `bend`."""
+    wheels = Wheels(shape)
+    for at_s in (0, 2, 4):
+        wheels.command(seconds(at_s), Twist(v, bend * v))
+    return wheels
+
+
+def test_a_fast_robot_that_slows_down_turns_as_its_arc_takes_at_the_speed_that_it_has():
+    wheels = wheels_at(1.0, 0.5)
+    assert wheels.command(seconds(4), Twist(0.4, 0.2)) == Twist(0.4, 0.5)
+    half = wheels.command(seconds(4.5), Twist(0.4, 0.2))
+    assert half == Twist(0.4, pytest.approx(0.5 * (1.0 - 0.8 * 0.5)))
+    assert wheels.command(seconds(6), Twist(0.4, 0.2)) == Twist(0.4, 0.2), "it drives no faster than that now"
+
+
+@pytest.mark.parametrize("halt", [STILL, Twist(0.0, 2.0), Twist(-0.08, 0.0)])
+def test_a_fast_robot_that_is_to_stand_or_to_turn_on_the_spot_brakes_on_its_arc(halt):
+    wheels = wheels_at(1.0, 0.5)
+    assert wheels.command(seconds(4), halt) == Twist(0.0, 0.5)
+    assert wheels.command(seconds(5.2), halt) == halt
+
+
+def test_no_arc_is_taken_faster_than_the_robot_turns():
+    wheels = wheels_at(1.0, 0.0)
+    assert wheels.command(seconds(4), Twist(0.1, 0.9)).w == math.pi
+
+
+def test_the_commands_of_the_reference_robot_are_left_as_they_are():
+    wheels = wheels_at(0.2, 0.5, RobotShape())
+    for command in (Twist(0.1, 0.3), STILL, Twist(0.0, -2.0), Twist(-0.08, 0.0), Twist(0.2, 0.1)):
+        assert wheels.command(seconds(4), command) is command
+
+
+@pytest.mark.parametrize("speed", [0.4, 1.0, 2.0])
+@pytest.mark.parametrize(("late", "brake"), [(False, PLANNED_BRAKE), (True, REACTION_BRAKE)])
+def test_a_standing_body_asks_of_a_fast_robot_no_more_than_its_wheels_can(speed, late, brake):
+    scale = scale_of(RobotShape(speed=speed))
+
+    def allowed(gap):
+        return closing_limit(speed, SeenBody(0.14 + gap, 0.0, 0.0, 0.0), scale, late)
+
+    gap, step = 6.0, 0.001
+    while allowed(gap - step) > 0.2:
+        # Over a step of the way v changes by a / v times the step.
+        assert (allowed(gap) - allowed(gap - step)) / step * allowed(gap) <= 1.02 * brake
+        gap -= step
+    assert allowed(STOP_GAP_M) == 0.0
+
+
+def test_a_fast_robot_looks_farther_ahead_when_it_drives_fast():
+    arena = Arena(10.0, 10.0, 0.05, shape=RobotShape(speed=2.0))
+    follower = Follower(make_route(arena, [Point(1.0, 1.0), Point(5.0, 1.0)], through_gate=False), arena.shape)
+    beside = Pose(1.0, 1.1, 0.0)
+    follower.locate(beside)
+    assert follower.heading_error(beside) == pytest.approx(math.atan2(-0.1, LOOK_AHEAD_M))
+    follower.pivoting = False
+    follower.steer(Pose(1.0, 1.0, 0.0), 2.0)
+    assert follower.heading_error(beside) == pytest.approx(math.atan2(-0.1, 0.5), rel=1e-3)
+
+
+def test_a_fast_robot_that_follows_at_half_a_metre_a_second_is_not_in_a_deadlock():
+    detector = DeadlockDetector(0, RobotShape(speed=2.0))
+    assert not any(detector.blocked(seconds(t), Twist(2.0, 0.0), Twist(0.4, 0.0)) for t in range(60))
+    assert any(detector.blocked(seconds(t), Twist(2.0, 0.0), Twist(0.04, 0.0)) for t in range(60, 70))
+
+
+def test_large_slow_robots_wait_as_long_as_one_of_them_takes_to_pass():
+    slow = DeadlockDetector(0, RobotShape(radius=0.5, speed=0.1))
+    standing = [t for t in range(30) if slow.blocked(seconds(t), Twist(0.1, 0.0), STILL)]
+    assert standing[0] == 10, "14 times the patience of the reference robot"
+
+
+def test_the_next_in_a_queue_of_large_robots_is_in_reach():
+    assert queue_reach(RobotShape()) == 0.3
+    assert queue_reach(RobotShape(radius=0.3)) > 2.0 * 2.0 * 0.3
