@@ -6,6 +6,7 @@ from math import hypot
 from typing import Final
 
 from rmr.base.arena import Arena
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
@@ -74,7 +75,7 @@ class NodeConfig:
     @property
     def profile(self) -> Profile:
         """What robots of a group of this size do."""
-        return profile_of(len(self.roster))
+        return profile_of(len(self.roster), scale_of(self.arena.shape).pace)
 
     @property
     def listens(self) -> Duration:

@@ -18,7 +18,8 @@ CROWD_FROM: Final = 21
 """Size of a roster from which it is a crowd. With more robots the first hellos take longer (with fifty 2.8 s) than
 agreeing on slots, and each frame is heard by so many that to call them all costs more than all else."""
 MOVING: Final[Duration] = milliseconds(200)
-"""Least time between two hellos of a robot that drives."""
+"""Least time between two hellos of a robot that drives, divided by its pace, `EAGER` at least: faster robots
+are heard as often on the same way."""
 MOVING_MAX: Final[Duration] = milliseconds(350)
 """Greatest time between two hellos of a robot that drives: if two in a row are lost it is not yet taken for silent."""
 MOVING_PER_ROBOT: Final[Duration] = milliseconds(8)
@@ -47,6 +48,8 @@ HELLO_SPREAD: Final = 0.1
 class Profile:
     """The behaviour of the robots of a group of some size."""
 
+    moving_least: Duration
+    """Least time between two hellos of a robot that drives, beside few others that do."""
     moving: Duration
     """Time between two hellos of a robot that drives."""
     parked: Duration
@@ -82,16 +85,18 @@ class Profile:
 
     def moving_beside(self, driving: int) -> Duration:
         """Return the time between two hellos of a robot that drives, beside so many others that are known to."""
-        return min(self.moving, max(MOVING, MOVING_PER_ROBOT * (driving + 1)))
+        return min(self.moving, max(self.moving_least, MOVING_PER_ROBOT * (driving + 1)))
 
 
 @lru_cache(maxsize=64)
-def profile_of(robots: int) -> Profile:
-    """Return the profile of a roster of so many robots."""
+def profile_of(robots: int, pace: float = 1.0) -> Profile:
+    """Return the profile of a roster of so many robots, that drive `pace` times as fast as the reference robot."""
     crowd = robots >= CROWD_FROM
-    moving = min(max(MOVING, MOVING_PER_ROBOT * robots), MOVING_MAX)
+    moving_least = max(round(MOVING / pace), EAGER)
+    moving = min(max(moving_least, MOVING_PER_ROBOT * robots), MOVING_MAX)
     parked = min(max(PARKED, PARKED_PER_ROBOT * robots), PARKED_MAX)
     return Profile(
+        moving_least=moving_least,
         moving=moving,
         parked=parked,
         waiting=min(max(MOVING, PARKED_PER_ROBOT * robots), parked),

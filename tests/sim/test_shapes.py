@@ -35,13 +35,16 @@ def run(folder, lab, seed):
     return simulation.run(), simulation.world.collisions
 
 
-@pytest.mark.parametrize(("speed", "seed"), [(0.4, 3), (0.5, 1), (0.5, 2), (0.7, 1), (0.7, 2)])
+@pytest.mark.parametrize(("speed", "seed"), [(0.4, 3), (0.4, 4), (0.5, 1), (0.5, 2), (0.7, 1), (0.7, 2)])
 def test_faster_robots_see_each_other_early_enough(tmp_path, speed, seed):
     assert run(tmp_path, CROSSING.format(speed=speed), seed) == (True, 0)
 
 
-@pytest.mark.parametrize(
-    ("radius", "speed", "robots"), [(0.05, 0.7, 3), (0.15, 0.4, 4), (0.15, 1.0, 5), (0.3, 0.4, 4), (0.5, 1.0, 2)]
-)
+@pytest.mark.parametrize(("radius", "speed", "robots"), [(0.05, 0.7, 3), (0.15, 0.4, 4), (0.15, 1.0, 5), (0.3, 0.4, 4)])
 def test_robots_of_any_size_and_speed_change_sides_on_open_floor(tmp_path, radius, speed, robots):
     assert run(tmp_path, shape_lab("crossing", radius, speed, robots, Random(1)), 1) == (True, 0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_fast_robot_that_brakes_in_a_turn_beside_a_wall_does_not_leave_its_arc(tmp_path, seed):
+    assert run(tmp_path, shape_lab("crossing", 0.5, 1.0, 2, Random(9)), seed) == (True, 0)

@@ -125,8 +125,9 @@ class Hearing:
         """`robots`: how many there are, by which the time between two hellos goes."""
         self._shape = shape
         self._scale: Final = scale_of(shape)
-        self._moving = profile_of(robots).moving_max
-        self._parked = profile_of(robots).parked_max
+        profile = profile_of(robots, self._scale.pace)
+        self._moving = profile.moving_max
+        self._parked = profile.parked_max
         self._silent: list[ReportedState] = []
         self._silent_from: Instant = 0
         """Before this none of those can be near; 0: to be looked at."""

@@ -7,6 +7,7 @@ import pytest
 from rmr.base.arena import BRAKE, RobotShape
 from rmr.base.motion_scale import LAG_S, REACTION_BRAKE, least_view_depth, scale_of, view_depth, way_to_stand
 from rmr.base.time import milliseconds
+from rmr.node.profile import profile_of
 
 RADII = (0.05, 0.07, 0.15, 0.3, 0.5)
 SPEEDS = (0.1, 0.2, 0.4, 0.7, 1.0, 2.0)
@@ -69,3 +70,9 @@ def test_what_is_seen_heard_and_predicted_is_enough_to_stop(shape):
 
 def shape_of(shape: RobotShape) -> tuple[float, float]:
     return shape.radius, shape.speed
+
+
+def test_faster_robots_say_hello_as_often_on_the_same_way_as_the_channel_bears():
+    assert [profile_of(4, pace).moving for pace in (1.0, 2.0, 10.0)] == [milliseconds(t) for t in (200, 100, 80)]
+    assert profile_of(20, 10.0).moving == milliseconds(160)
+    assert profile_of(20, 10.0).moving_beside(5) == milliseconds(80)
