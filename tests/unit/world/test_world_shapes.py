@@ -46,12 +46,12 @@ def test_robots_that_see_each_other_late_are_warned_of(tmp_path):
     assert "need 0.70 m to notice each other and stop: leave the key out" in found
 
 
-@pytest.mark.parametrize(("robot", "words"), [("{radius: 0.6}", "up to 0.5 m;"), ("{speed: 2.5}", "up to 2 m/s;")])
+@pytest.mark.parametrize(("robot", "words"), [("{radius: 0.6}", "up to 0.5 m;"), ("{speed: 1.5}", "up to 1 m/s;")])
 def test_robots_outside_of_the_envelope_are_warned_of(tmp_path, robot, words):
     (found,) = warnings(tmp_path, robot)
     assert words in found
 
 
-@pytest.mark.parametrize("robot", ["{}", "{radius: 0.05, speed: 0.05}", "{radius: 0.5, speed: 2.0}"])
+@pytest.mark.parametrize("robot", ["{}", "{radius: 0.05, speed: 0.05}", "{radius: 0.5, speed: 1.0}"])
 def test_robots_inside_of_the_envelope_are_not(tmp_path, robot):
     assert warnings(tmp_path, robot) == []

@@ -14,8 +14,9 @@ from rmr_world.validate.lab_draft import LabDraft
 
 RADIUS_M_MAX = 0.5
 """Greatest radius with which the rules of motion were tried, metres."""
-SPEED_MPS_MAX = 2.0
-"""Greatest speed with which they were, m/s. Smaller and slower robots have the margins of the reference robot."""
+SPEED_MPS_MAX = 1.0
+"""Greatest speed with which they were without a contact, m/s. Smaller and slower robots have the margins of
+the reference robot."""
 
 
 def view_deep_enough(draft: LabDraft) -> Iterator[Finding]:
@@ -43,7 +44,7 @@ def shape_in_envelope(lab: Lab, _program: Program) -> Iterator[Finding]:
         message = f"what keeps robots apart was tried up to {RADIUS_M_MAX:g} m; try yours with rmr sim --seeds 1-100"
         yield lab.warning(("robot", "radius"), message)
     if shape.speed > SPEED_MPS_MAX:
-        message = f"what keeps robots apart was tried up to {SPEED_MPS_MAX:g} m/s; try yours with rmr sim --seeds 1-100"
+        message = f"what keeps robots apart held up to {SPEED_MPS_MAX:g} m/s; try yours with rmr sim --seeds 1-100"
         yield lab.warning(("robot", "speed"), message)
 
 
