@@ -43,6 +43,8 @@ WINDOW_M: Final = 0.25
 """How far ahead of its last progress the robot is searched for on the path, times the pace."""
 BACK_M: Final = 0.02
 """How far behind its last progress the robot is searched for: braking undoes no more."""
+CLOSE_AHEAD_M: Final[tuple[float, ...]] = (0.055, 0.03)
+"""Look-ahead points that are tried where the arc to the usual one leads too near to a wall."""
 AIM_M: Final = 0.03
 """Least distance of the look-ahead point in the curvature: at the path's end the point comes close."""
 
@@ -98,11 +100,33 @@ class Follower:
         if self._seen is not pose or self._seen_s != self.s:
             self._seen = pose
             self._seen_s = self.s
-            x, y = self.route.place(self.s + max(LOOK_AHEAD_M, LOOK_AHEAD_S * self._v))
-            dx = x - pose.x
-            dy = y - pose.y
-            self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
+            self._aim = self._aim_at(pose, max(LOOK_AHEAD_M, LOOK_AHEAD_S * self._v))
         return self._aim
+
+    def _aim_at(self, pose: Pose, ahead_m: float) -> tuple[float, float, float]:
+        """Return the point of the path `ahead_m` ahead as seen from `pose`: dx, dy and heading error."""
+        x, y = self.route.place(self.s + ahead_m)
+        dx = x - pose.x
+        dy = y - pose.y
+        return dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
+
+    def steer_closely(self, pose: Pose, v: float, ahead_m: float) -> Twist:
+        """Return the wheel command at `v` m/s to a point only `ahead_m` ahead, so that no corner is cut.
+
+        The robot turns on the spot to a point that is far off its heading.
+        """
+        dx, dy, error = self._aim_at(pose, ahead_m)
+        if abs(error) > PIVOT_END:
+            return Twist(0.0, turn_towards(error, self.shape))
+        return self._arc(v, dx, dy, error)
+
+    def _arc(self, v: float, dx: float, dy: float, error: float) -> Twist:
+        """Return the command along the circle through the pose, tangent to the heading, and the point (dx, dy)."""
+        curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
+        turn = self.shape.turn
+        if abs(v * curvature) > turn:  # the wheels cannot turn so fast: slower, on the same arc
+            v = turn / abs(curvature)
+        return Twist(v, v * curvature)
 
     def steer(self, pose: Pose, limit: float) -> Twist:
         """Return the wheel command at a speed of at most `limit` m/s; call `locate` before."""
@@ -122,9 +146,6 @@ class Follower:
         left = self.route.at_m[-1] - self.s - END_M
         if 2.0 * PLANNED_BRAKE * left < v * v:
             v = min(v, max(CREEP, braking_speed(left)))
-        # Pure pursuit: the circle through the pose, tangent to the heading, and the look-ahead point.
-        curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
-        if abs(v * curvature) > shape.turn:  # the wheels cannot turn so fast: slower, on the same arc
-            v = shape.turn / abs(curvature)
-        self._v = v
-        return Twist(v, v * curvature)
+        twist = self._arc(v, dx, dy, error)
+        self._v = twist.v
+        return twist

@@ -18,19 +18,23 @@ from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import time_left
-from rmr.node.motion.follow import FACED, Follower, turn_towards
+from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.grid import discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.speed_control import SpeedControl
+from rmr.node.motion.speed_control import SHIELD, SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.motion.standoff.escapes import DeadlockCause, Excursion, Impasse
 from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
+WALL_SHARE: Final = 0.5
+"""A robot that a wall slows to less than this share of its speed turns off it."""
+WALL_TURN: Final = 1.5
+"""Turn rate with which it does, rad/s."""
 RETRY_S: Final = 0.5
 """Retry interval of planning while there is no route."""
 
@@ -221,6 +225,8 @@ class Navigator:
         cap = control.cap(follower, self._gate, self._right_of_way, self._queueing)
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
+        if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M and control.leads_to_wall(wish):
+            allowed = self._past_wall(pose, follower, wish, allowed)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
         stuck = STILL if bumped else allowed
         # Before its slot a robot may well stand: patience is longer then.
@@ -229,6 +235,22 @@ class Navigator:
             self._escape(now, pose, DeadlockCause.DEADLOCK)
         self._v = allowed.v
         return allowed
+
+    def _past_wall(self, pose: Pose, follower: Follower, wish: Twist, allowed: Twist) -> Twist:
+        """Return the fastest of `allowed` and of commands that keep closer to the path or to the heading than `wish`.
+
+        The arc of pure pursuit cuts corners, and a path may lead along the margin that the shield keeps. Where the
+        robot could hardly drive it turns off the wall, until driving leads away from it: a turn moves no hull.
+        """
+        control = self.control
+        for ahead_m in CLOSE_AHEAD_M:
+            closely = control.slowed(follower.steer_closely(pose, wish.v, ahead_m))
+            if closely.v > allowed.v:
+                allowed = closely
+        straight = control.slowed(Twist(wish.v, 0.0))
+        if straight.v > allowed.v:
+            allowed = straight
+        return Twist(0.0, WALL_TURN * control.off_wall(pose)) if allowed.v < WALL_SHARE * wish.v else allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is a route to follow or a heading to face; plan if that is due."""

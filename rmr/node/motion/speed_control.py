@@ -45,6 +45,8 @@ at most 0.5, but near the line through the beacons (docs/safety.md)."""
 SIGHT_RADIUS_M: Final = 0.5
 """Least radius of an arc that leads only over floor that was in view just before, times the size of the robots."""
 
+SHIELD: Final = "shield"
+"""The rule that has the last word over each wheel command that drives."""
 SILENCED: Final = "silence"
 """What keeps a robot that drives by hand or backs up from doing so while somebody is not heard."""
 
@@ -169,35 +171,40 @@ class SpeedControl:
             return self._shielded(back)
         self._switches.count("reverse_guard")
         self.law.limited_by = "reverse_guard"
-        return Twist(0.0, self._turn_off_wall(pose)) if free else STILL
+        return Twist(0.0, REVERSE_TURN * self.off_wall(pose, -REVERSE_POLL_M)) if free else STILL
 
-    def _turn_off_wall(self, pose: Pose) -> float:
-        """Return the turn rate by which a robot that cannot back up for a wall comes to drive along it, rad/s.
+    def leads_to_wall(self, twist: Twist) -> bool:
+        """Return whether a wall is what the shield slows `twist` for."""
+        return self._shield.within(twist, self.scene.pose, self.arena, self.sigma_m) < 1.0
 
-        A robot that stands askew in a passage as wide as itself gets out of it backwards in no other way.
+    def off_wall(self, pose: Pose, ahead_m: float = REVERSE_POLL_M) -> float:
+        """Return to which side a robot that cannot drive on for a wall turns, so that it comes to drive along it.
+
+        1 to the left, -1 to the right, 0 in a corner. `ahead_m` is where it looks for room, negative behind it. A robot
+        that stands askew in a passage as wide as itself gets out of it in no other way.
         """
         left, right = (
             self.arena.clearance(
-                pose.x - math.cos(pose.theta + turn) * REVERSE_POLL_M,
-                pose.y - math.sin(pose.theta + turn) * REVERSE_POLL_M,
+                pose.x + math.cos(pose.theta + turn) * ahead_m,
+                pose.y + math.sin(pose.theta + turn) * ahead_m,
             )
             for turn in (REVERSE_LOOK_RAD, -REVERSE_LOOK_RAD)
         )
         if abs(left - right) < REVERSE_DIFFERENCE_M:
             return 0.0
-        return REVERSE_TURN if left > right else -REVERSE_TURN
+        return 1.0 if left > right else -1.0
 
     def _shielded(self, twist: Twist, *, walls: bool = True) -> Twist:
         """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
-        if twist.v == 0.0 or self._switches.off("shield"):
+        if twist.v == 0.0 or self._switches.off(SHIELD):
             return twist
         # A robot that brakes drives along the new arc at the speed that it still has, else it stays on the old one.
         arc = self.wheels.braking(self.scene.now, twist)
         share = self._share(twist if arc is None else arc, walls=walls)
         if share >= 1.0:
             return twist
-        self._switches.count("shield")
-        self.law.limited_by = "shield"
+        self._switches.count(SHIELD)
+        self.law.limited_by = SHIELD
         return Twist(share * twist.v, share * twist.w) if arc is None else STILL
 
     def _share(self, twist: Twist, *, walls: bool) -> float:

@@ -5,8 +5,10 @@ import math
 import bench
 import pytest
 
-from rmr.base.geometry import Pose, Twist
+from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.time import tick_start
 from rmr.node.motion.hearing import ReportedState
+from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.ports import SeenBody
@@ -73,6 +75,25 @@ def test_robot_askew_in_a_passage_turns_until_it_can_back_out():
         pose = Pose(pose.x, pose.y, pose.theta + twist.w / 60.0)
     assert 0.03 < turned < math.pi / 4
     assert twist.v < 0.0
+
+
+def driven_past_a_corner(pose):
+    """Return how far a robot gets in a second from `pose` at the end of the corridor, its goal beyond the corner."""
+    nav = Navigator(bench.testbed(), 1)
+    nav.control.sigma_m = 0.006
+    nav.go(0, pose, Point(1.38, 0.36))
+    way = 0.0
+    for tick in range(60):
+        twist = nav.step(tick_start(tick), pose, (), False)
+        theta = pose.theta + twist.w / 60.0
+        pose = Pose(pose.x + twist.v * math.cos(theta) / 60.0, pose.y + twist.v * math.sin(theta) / 60.0, theta)
+        way += twist.v / 60.0
+    return way
+
+
+@pytest.mark.parametrize("heading", [-0.29, -0.2, -0.1])
+def test_robot_that_would_cut_a_corner_keeps_to_its_path_instead_of_creeping(heading):
+    assert driven_past_a_corner(Pose(0.86, 0.69, heading)) > 0.08
 
 
 def test_robot_with_its_back_straight_before_a_wall_stands():
