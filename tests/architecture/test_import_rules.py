@@ -233,3 +233,17 @@ def test_a_robot_process_has_loaded_no_heavy_library():
     code = "import sys, rmr_agent.main, rmr_agent.agent_process; print(*sys.modules, sep='\\n')"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []
+
+
+def test_one_simulated_run_loads_neither_sweeps_nor_hunts_nor_durable_robots_nor_loads():
+    code = "import sys, rmr_sim.sim_command; print(*sys.modules, sep='\\n')"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    unwanted = (
+        "rmr_sim.sweep",
+        "rmr_sim.hunt.hunt_command",
+        "rmr_sim.disk",
+        "rmr.mind.durable_node",
+        "rmr.load.",
+        "multiprocessing",
+    )
+    assert [name for name in loaded if name.startswith(unwanted)] == []

@@ -5,8 +5,7 @@ from lab_maker import small_lab
 
 from rmr.entry import ExitCode
 from rmr_sim.run_setup import report_of
-from rmr_sim.seed_run import row_of
-from rmr_sim.sim_command import exit_code
+from rmr_sim.seed_run import exit_code, row_of
 from rmr_world.finding import LabError
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import summary, table_rows

@@ -21,6 +21,7 @@ from rmr.mind.segments import FoundState, find_state, superfluous
 from rmr.mind.snapshot import Snapshot, taken_snapshot
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import NodeConfig
+from rmr.node.node import Node
 from rmr.node.ports import Ports
 
 
@@ -58,6 +59,11 @@ class Disk:
     def sync(self) -> None:
         """Let what was written survive a loss of power."""
         self._synced = self._written
+
+    def end(self, node: Node) -> None:
+        """End the process of the robot's `node` while it writes its next record."""
+        if isinstance(node, DurableNode):
+            self.crash(node.next_record())
 
     def crash(self, record: bytes, *, power: bool = False) -> None:
         """End the process while it writes `record`; with `power` what was not synced is lost, too."""

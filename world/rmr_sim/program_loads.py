@@ -98,8 +98,6 @@ def attach_loads(
     simulation: Simulation, first: LoadedProgram, loads: Sequence[tuple[ProgramLoad, LoadedProgram]], handlers: Any
 ) -> None:
     """Let `simulation`, which has not run yet, perform `loads`; `first` is the program of its robots."""
-    if not loads:
-        return
     all_loads = ProgramLoads(simulation, first, handlers)
     for load, program in loads:
         simulation.schedule(LoadEvent(all_loads, load, program))

@@ -12,7 +12,6 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.bytecode.program import Program
 from rmr.load.load_endpoint import ALL, LoadEndpoint
-from rmr.load.load_messages import LOAD
 from rmr.load.program_loader import Preview, ProgramLoader, RunningProgram
 from rmr.load.robot_fit import fitting_program
 from rmr.node.actions.dispatcher import Handler
@@ -20,7 +19,6 @@ from rmr.node.node import Node
 from rmr.node.ports import Received
 from rmr.vm.carrying import preview
 
-LOAD_OCTET: Final = bytes((LOAD,))
 HANDLE: Final = 0
 """Handle of the frames; those of a node are numbered from 1."""
 STOPPED_FOR: Final[Duration] = milliseconds(50)

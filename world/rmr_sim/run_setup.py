@@ -18,7 +18,6 @@ from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
-from rmr_sim.program_loads import attach_loads
 from rmr_sim.simulation import Simulation
 from rmr_sim.user_events import load_events
 from rmr_sim.user_invariants import InvariantChecker
@@ -116,7 +115,10 @@ class LoadedLab:
             self.options.durable,
             later,
         )
-        attach_loads(simulation, program, self.loads, handlers)
+        if self.loads:
+            from rmr_sim.program_loads import attach_loads  # noqa: PLC0415 - few labs have any
+
+            attach_loads(simulation, program, self.loads, handlers)
         attach_checkers(simulation)
         users = load_events(lab.events, lab, seed)
         for event in users.events:

@@ -10,6 +10,7 @@ import traceback
 from typing import Any, NamedTuple
 
 from rmr.base.mistake import words
+from rmr.entry import ExitCode
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, report_of
@@ -115,3 +116,16 @@ def reasons(row: Row) -> list[str]:
     if row["collisions"]:
         found.append(f"{row['collisions']} contact{'s' if row['collisions'] > 1 else ''}")
     return found + [f"{check} ({count})" for check, count in sorted(row["violations"].items()) if check != CONTACT]
+
+
+def exit_code(row: dict[str, Any], *, strict: bool) -> int:
+    """Return the exit code for a run.
+
+    0 fine; 1 not finished, a rule broken, or an action of the user's failed unhandled; 4 under --strict: a deadline
+    missed, or a contact.
+    """
+    if not row["finished"] or row.get("unhandled", 0) or any(check != CONTACT for check in row["violations"]):
+        return ExitCode.FAILED
+    if strict and (row["deadlines"]["missed"] or row["collisions"]):
+        return ExitCode.STRICT
+    return 0

@@ -1,15 +1,15 @@
 """What `rmr sim LAB` does: a lab in virtual time, the same for the same seed; one run, or with `--seeds` many.
 
-Standard output is the report's alone: what users' own actions and events print goes to standard error.
+Standard output is the report's alone: what users' own actions and events print goes to standard error. Sweeps and hunts
+are loaded only where one is asked for.
 """
+# ruff: noqa: PLC0415 - see above
 
 import argparse
-import json
-import shlex
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
@@ -24,19 +24,13 @@ from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
 from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import RUN_FILE
-from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
-from rmr_sim.hunt.hunt_command import hunt
 from rmr_sim.interruption import Interruption
+from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
-from rmr_sim.seed_run import Row, fails, row_of
+from rmr_sim.seed_run import exit_code, row_of
 from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
 from rmr_sim.simulation import Simulation
-from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
-from rmr_sim.sweep_histogram import histogram_lines
-from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
-from rmr_sim.sweep_summary import failing_lines, lines_of, summary_of
-from rmr_sim.violation import CONTACT
 from rmr_world.faults import fault_lines
 from rmr_world.finding import LabError
 from rmr_world.lab_file import lab_path
@@ -83,12 +77,18 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
         for text in loaded.warnings:
             print(text, end="", file=sys.stderr)
         if arguments.resume is not None:
-            return _resume(arguments, loaded, out)
+            from rmr_sim.sweep_command import resume
+
+            return resume(arguments, loaded, out)
         folder = make_run_folder(loaded.lab.name, arguments.run)
         if arguments.hunt:
+            from rmr_sim.hunt.hunt_command import hunt
+
             return hunt(arguments, loaded, folder, out)
         if arguments.seeds is not None:
-            return _sweep(arguments, loaded, folder, out)
+            from rmr_sim.sweep_command import sweep
+
+            return sweep(arguments, loaded, folder, out)
         return _run(arguments, loaded, folder, out, viewer)
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
@@ -98,9 +98,6 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
         return ExitCode.FAILED
     except BrokenPipeError:
         raise  # of the output: it is no mistake to have seen enough
-    except ResumeError as error:
-        print(f"rmr sim: {error}", file=sys.stderr)
-        return ExitCode.USAGE
     except (RunFolderError, OSError) as error:
         print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
         return ExitCode.USAGE if folder is None else ExitCode.FAILED
@@ -230,66 +227,6 @@ def _broke_down(error: Exception, folder: Path | None) -> int:
             where = f"where is told in {folder / BREAKDOWN_FILE}"
     print(f"rmr sim: broke down: {words(error)}; {where}", file=sys.stderr)
     return ExitCode.FAILED
-
-
-def _resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> int:
-    """Go on with a sweep that ended early. Raises ResumeError."""
-    folder = arguments.resume
-    arguments.seeds = arguments.seeds or seeds_of(folder)
-    rows = taken_up(folder, head(arguments, loaded.lab, arguments.seeds))
-    print(f"resuming: {len(rows)} of {len(arguments.seeds)} runs are over", file=sys.stderr)
-    return _sweep(arguments, loaded, folder, out, rows)
-
-
-def _sweep(
-    arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, rows: Sequence[Row] = ()
-) -> int:
-    """A sweep; the runs with `rows` are over."""
-    loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
-    began = time.perf_counter()
-    file = Rows(folder, head(arguments, loaded.lab, arguments.seeds), rows)
-    sweep = Sweep(loaded, arguments.seeds, folder, file, rows)
-    interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))
-    wall_s = time.perf_counter() - began
-    command = command_of(arguments)
-    text = json.dumps(sweep.document(command), indent=1, sort_keys=True)
-    written = _sum_up(folder, text)
-    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *histogram_lines(sweep.rows, out)]
-    lines += failing_lines(sweep.rows, command)
-    if not written:
-        lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in sweep.rows)]
-    print(text if arguments.json else "\n".join(lines), file=out)
-    where = f"all rows are in {folder / SWEEP_FILE}" if written else "all rows are on standard output"
-    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; {where}"
-    again = f"; to go on: {command} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
-    print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
-    if interrupted or not written or any(map(fails, sweep.rows)):
-        return ExitCode.FAILED
-    return max((exit_code(row, strict=arguments.strict) for row in sweep.rows), default=0)
-
-
-def _sum_up(folder: Path, text: str) -> bool:
-    """Write `sweep.json`, into a new folder where the old one is gone; return whether that was possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / SWEEP_FILE).write_text(text + "\n")
-    except OSError as error:
-        print(f"rmr sim: cannot write {folder / SWEEP_FILE}: {error.strerror}", file=sys.stderr)
-        return False
-    return True
-
-
-def exit_code(row: dict[str, Any], *, strict: bool) -> int:
-    """Return the exit code for a run.
-
-    0 fine; 1 not finished, a rule broken, or an action of the user's failed unhandled; 4 under --strict: a deadline
-    missed, or a contact.
-    """
-    if not row["finished"] or row.get("unhandled", 0) or any(check != CONTACT for check in row["violations"]):
-        return ExitCode.FAILED
-    if strict and (row["deadlines"]["missed"] or row["collisions"]):
-        return ExitCode.STRICT
-    return 0
 
 
 def failures(trace: list[dict[str, object]]) -> list[str]:

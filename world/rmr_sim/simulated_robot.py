@@ -16,7 +16,7 @@ and actions of its earlier nodes stay in the report. A durable robot's node is b
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -24,20 +24,25 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
-from rmr.mind.durable_node import DurableNode
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.node import Node
+from rmr.node.payloads import PayloadKind
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import off_m, robot_report
-from rmr_sim.disk import Disk
 from rmr_sim.robot_host import RobotHost
-from rmr_sim.robot_programs import LOAD_OCTET, RobotPrograms
 from rmr_world.incarnations import merged_report, with_lost_jobs
+
+if TYPE_CHECKING:  # loaded by the runs that have such robots
+    from rmr_sim.disk import Disk
+    from rmr_sim.robot_programs import RobotPrograms
 
 SAMPLES_MAX: Final = 240
 """Bound of the queue of samples, as in a process; the oldest are dropped."""
 FRAMES_MAX: Final = 512
 """Bound of the queues of frames and of confirmations; the oldest are dropped."""
+
+LOAD_OCTET: Final = bytes((PayloadKind.LOAD,))
+"""First octet of the payloads by which programs are distributed."""
 
 T = TypeVar("T")
 
@@ -56,7 +61,7 @@ class SimulatedRobot:
     """A node with its station and its body in the world."""
 
     def __init__(
-        self, host: RobotHost, robot: int, make_node: MakeNode, bodily: bool, disk: Disk | None = None
+        self, host: RobotHost, robot: int, make_node: MakeNode, bodily: bool, disk: "Disk | None" = None
     ) -> None:
         """A robot without a body (`bodily`) is not sampled. One with a `disk` goes on from there when it restarts."""
         self._disk = disk
@@ -204,9 +209,8 @@ class SimulatedRobot:
         if self.alive:
             self._killed_at = self._host.now
         self.alive = False
-        node = self.node
-        if self._disk is not None and isinstance(node, DurableNode):
-            self._disk.crash(node.next_record())
+        if self._disk is not None:
+            self._disk.end(self.node)
         else:
             self.end_log()
         self._stalled_until = self._slow_until = 0

@@ -9,7 +9,7 @@ robots that stand still are sampled less often, as in processes. Robots whose pr
 import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rmr.base.kernel import EVENT
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
@@ -25,7 +25,6 @@ from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
-from rmr_sim.disk import Disk, durable_node
 from rmr_sim.event import Event, EventError, call_observer, checked, instant
 from rmr_sim.fault_events import FaultEvent
 from rmr_sim.fault_record import FaultRecord
@@ -36,6 +35,9 @@ from rmr_world.disturbances import LINGER
 from rmr_world.lab import Lab, Restart
 from rmr_world.quorum import ALL, is_met, met_at
 from rmr_world.schema import TICK
+
+if TYPE_CHECKING:
+    from rmr_sim.disk import Disk
 
 IDLE_SAMPLE_TICKS: Final = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
@@ -121,13 +123,15 @@ class Simulation(RobotHost):
         facts = _by_robot(config.facts, config.roster)
         minds = self._minds
 
-        def maker(robot: int, disk: Disk | None) -> MakeNode:
+        def maker(robot: int, disk: "Disk | None") -> MakeNode:
             lasting = replace(config, robot=robot, facts=tuple(facts[robot]))
 
             def make(ports: Ports, epoch: int, ended: Instant | None) -> Node:
                 own = replace(lasting, epoch=epoch, predecessor_ended=ended)
                 acting = handlers if self._fresh is None else self._fresh()
                 if disk is not None:
+                    from rmr_sim.disk import durable_node  # noqa: PLC0415 - loaded where robots are durable
+
                     return durable_node(disk, own, program, ports, acting, digest)
                 if minds is None:
                     return Node(own, program, ports, acting, digest)
@@ -135,9 +139,14 @@ class Simulation(RobotHost):
 
             return make
 
-        disks = {robot: Disk(self.seed, robot) if self.durable else None for robot in self.lab.roster}
+        disks: dict[int, Disk | None] = dict.fromkeys(self.lab.roster)
+        if self.durable:
+            from rmr_sim import disk  # noqa: PLC0415 - as above
+
+            disks |= {robot: disk.Disk(self.seed, robot) for robot in self.lab.roster}
         return tuple(
-            SimulatedRobot(self, robot, maker(robot, disk), self._bodily, disk) for robot, disk in disks.items()
+            SimulatedRobot(self, robot, maker(robot, its_disk), self._bodily, its_disk)
+            for robot, its_disk in disks.items()
         )
 
     def _config(self, trace: TraceLevel, timing: Timing, without: frozenset[str]) -> NodeConfig:

@@ -5,7 +5,6 @@ rows and their summary. Each seed that failed gets a folder `failed/seed-N` with
 internal error, `breakdown.txt`. A folder that becomes unwritable does not end the sweep: only these files are lost.
 """
 
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr_sim.interruption import Interruption
+from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
 from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import Result, Row, fails, run_seed
 from rmr_sim.sweep_rows import Rows
@@ -22,7 +22,6 @@ from rmr_sim.sweep_workers import shared
 from rmr_world.run_report import write
 
 SWEEP_FILE = "sweep.json"
-BREAKDOWN_FILE = "breakdown.txt"
 TRACE_FILE = "trace.jsonl"
 PROGRESS_FIRST_S = 10.0
 """Time of the first line of progress, where standard error is no terminal."""
@@ -152,16 +151,6 @@ def keep(result: Result, folder: Path) -> None:
         write_trace(result.trace, folder / TRACE_FILE)
     if result.breakdown is not None:
         (folder / BREAKDOWN_FILE).write_text(result.breakdown)
-
-
-def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write a trace as JSON lines. Raises OSError with the name of the file."""
-    try:
-        with path.open("w") as file:
-            for entry in entries:
-                file.write(json.dumps(entry) + "\n")
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager

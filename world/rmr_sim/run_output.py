@@ -1,0 +1,18 @@
+"""What a run writes beside its report: its trace and, after an internal error, where that was."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+BREAKDOWN_FILE = "breakdown.txt"
+
+
+def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write a trace as JSON lines. Raises OSError with the name of the file."""
+    try:
+        with path.open("w") as file:
+            for entry in entries:
+                file.write(json.dumps(entry) + "\n")
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
