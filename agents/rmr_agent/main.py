@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rmr.entry import run
+from rmr.entry import Loading, run
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import Command, Parser
@@ -99,7 +99,8 @@ def _live(**options: Any) -> int:
     if options["durability"] == "power" and options["state"] is None:
         raise CommandLineError("--durability says what a state survives: name its folder with --state DIR")
     try:
-        from rmr_agent.agent_process import perform
+        with Loading("rmr_agent.agent_process"):
+            from rmr_agent.agent_process import perform
 
         return perform(Namespace(**options))
     except KeyboardInterrupt:  # before the signal handlers are installed: a request to stop is no failure

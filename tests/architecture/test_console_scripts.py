@@ -107,3 +107,13 @@ def test_a_standard_output_that_is_closed_or_full_is_told(script):
         answer = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=buffered)
     assert answer.returncode == 1
     assert answer.stderr.split(": ")[1:] == ["cannot write the output", "No space left on device\n"]
+
+
+def test_what_a_run_loads_is_set_aside_from_the_garbage_collector_once():
+    code = (
+        "import gc; from rmr_sim.main import main; words = ['corridor', '--actions', 'none.py'];"
+        "main(words); first = gc.get_freeze_count();"
+        "main(words); print(gc.isenabled(), first > 10_000, gc.get_freeze_count() <= first)"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["True", "True", "True"]

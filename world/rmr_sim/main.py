@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from rmr.entry import run
+from rmr.entry import Loading, run
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import Command
@@ -34,7 +34,8 @@ def _simulate(**options: Any) -> int:
     check(arguments)
     if arguments.view:
         become_view()
-    from rmr_sim.sim_command import perform
+    with Loading("rmr_sim.sim_command"):
+        from rmr_sim.sim_command import perform
 
     return perform(arguments)
 

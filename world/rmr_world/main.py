@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rmr.entry import run
+from rmr.entry import Loading, run
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import Command, Parser
@@ -66,7 +66,8 @@ def _serve(**options: Any) -> int:
     if options["listen"] is not None and options["connect"] is not None:
         raise CommandLineError("--connect is not allowed with --listen: name one of them")
     try:
-        from rmr_world.world_process import perform
+        with Loading("rmr_world.world_process"):
+            from rmr_world.world_process import perform
 
         return perform(Namespace(**options))
     except KeyboardInterrupt:  # before the signal handlers stood: a world that is told to stop has not failed
