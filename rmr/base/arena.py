@@ -68,12 +68,19 @@ class Polygon:
 
     def distance(self, x: float, y: float) -> float:
         """Return how far (x, y) is outside the polygon in metres; 0 inside."""
-        if self.contains(x, y):
-            return 0.0
-        corners = self.corners
-        return min(
-            point_segment_distance(x, y, *a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        )
+        # The nearest edge is one of those that have the point on their outer side, to their right: mostly one or two.
+        nearest = math.inf
+        a = self.corners[-1]
+        ax = a.x
+        ay = a.y
+        for b in self.corners:
+            bx = b.x
+            by = b.y
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
+                nearest = min(nearest, point_segment_distance(x, y, ax, ay, bx, by))
+            ax = bx
+            ay = by
+        return 0.0 if nearest == math.inf else nearest
 
 
 Obstacle = Disc | Polygon
@@ -209,11 +216,15 @@ class Arena:
     def clearance_of(self, obstacles: Sequence[Obstacle], x: float, y: float) -> float:
         """Return the same for some of the obstacles, and the walls."""
         nearest = min(x, y, self.width - x, self.height - y)
+        far = nearest + ROUNDING_M
         for obstacle in obstacles:
             # The distance to the bounding box is a lower bound: a farther box cannot hold the nearest obstacle.
             x0, y0, x1, y1 = obstacle.extent
-            if max(x0 - x, x - x1, y0 - y, y - y1) <= nearest + ROUNDING_M:
-                nearest = min(nearest, obstacle.distance(x, y))
+            if x0 - x <= far and x - x1 <= far and y0 - y <= far and y - y1 <= far:
+                away = obstacle.distance(x, y)
+                if away < nearest:
+                    nearest = away
+                    far = nearest + ROUNDING_M
         return max(0.0, nearest)
 
     def obstacles_around(self, x: float, y: float, reach_m: float) -> list[Obstacle]:

@@ -129,7 +129,9 @@ class Driver:
         samples = [sample for sample in self._body.sense() if self.localiser.feed(now, sample)]
         if samples:
             self._bodies = samples[-1].bodies
-            self._bumped = any(sample.bumped for sample in samples)
+            self._bumped = False
+            for sample in samples:
+                self._bumped = self._bumped or sample.bumped
             self._sensed_at = samples[-1].stamp
         pose = self.localiser.pose
         navigator = self.navigator

@@ -76,7 +76,9 @@ class Messenger:
     @property
     def next_wake(self) -> Instant:
         """When there is something to say or to repeat."""
-        return min(self._presence.next_wake, self.exchange.next_wake)
+        hello = self._presence.next_wake
+        delivery = self.exchange.next_wake
+        return hello if hello < delivery else delivery
 
     def wake(self, now: Instant) -> None:
         """Say what is due."""

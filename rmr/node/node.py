@@ -205,11 +205,14 @@ class Node:
         machine = self.machine
         # While something goes on that every frame matters to, each frame is due; else the robot sleeps.
         busy = self.actions.polling or (self.driver is not None and self.driver.moving)
-        wake = min(executive.next_frame(busy) or NEVER, self._coordination.next_wake)
-        wake = min(wake, executive.frame_ends if machine.busy else machine.due)
-        wake = min(wake, self.actions.next_wake)
-        wake = min(wake, self.messenger.next_wake)
-        self.next_wake = min(wake, self.crossings.next_wake)
+        self.next_wake = min(
+            executive.next_frame(busy) or NEVER,
+            self._coordination.next_wake,
+            executive.frame_ends if machine.busy else machine.due,
+            self.actions.next_wake,
+            self.messenger.next_wake,
+            self.crossings.next_wake,
+        )
 
     def _motor(self, now: Instant) -> None:
         self.state.mark_dirty()

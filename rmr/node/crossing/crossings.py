@@ -169,7 +169,7 @@ class Crossings:
         """
         running = self._robot.driving
         driver = self._robot.driver
-        if not self._shares or running is None or driver is None:
+        if running is None or driver is None:
             return
         navigator = driver.navigator
         route = resource.entered_route(navigator)
@@ -372,7 +372,8 @@ class Crossings:
         """Advance every crossing."""
         if self._looks:
             self._find_itself(now)
-        self._ask_at_gate(now)
+        if self._shares:
+            self._ask_at_gate(now)
         soonest = NEVER
         for crossing in self._table:
             if crossing.course.destination is not None:
@@ -383,7 +384,8 @@ class Crossings:
             self._step(now, crossing)
             if not prepared:
                 self._ask(now, crossing)
-            soonest = min(soonest, crossing.next_wake)
+            wake = crossing.next_wake
+            soonest = wake if wake < soonest else soonest
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
 
     def _step(self, now: Instant, crossing: Crossing) -> None:

@@ -121,7 +121,10 @@ class Localiser:
         if abs(sample.gyro) > FASTEST * self._arena.shape.turn + GYRO_NOISE:
             return False
         beacons = len(self._arena.beacons)
-        return all(0 <= beacon < beacons and 0.0 <= metres <= self._range_max for beacon, metres in sample.ranges)
+        for beacon, metres in sample.ranges:  # noqa: SIM110 - for each sample: a generator costs more
+            if not (0 <= beacon < beacons and 0.0 <= metres <= self._range_max):
+                return False
+        return True
 
     def _follows(self, last: Sensed, sample: Sensed) -> bool:
         """Return whether a body can produce `sample` after `last`."""
