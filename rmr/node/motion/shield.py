@@ -94,6 +94,10 @@ class Shield:
         free = _way_within(twist, pose, arena, 0.5 * self._touch + SIGMAS * sigma_m, way)
         return 1.0 if free >= way else self._speed_on(free) / speed
 
+    def ample(self, twist: Twist, sigma_m: float) -> float:
+        """Return the clearance from which on no wall slows `twist`, metres: then `within` is 1."""
+        return 0.5 * self._touch + SIGMAS * sigma_m + self._way(abs(twist.v)) * (1.0 + SLOPE)
+
     def _way(self, speed: float) -> float:
         """Return how far a robot moves on until it stands, metres."""
         return speed * self._lag_s + speed * speed / (2.0 * self._brake)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from rmr.base.arena import Arena
+from rmr.base.arena import ROUNDING_M, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
 from rmr.node.motion.body_memory import BodyMemory
@@ -55,6 +55,9 @@ class SpeedControl:
     """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
 
     __slots__ = (
+        "_clearance",
+        "_measured_x",
+        "_measured_y",
         "_memory",
         "_reverse_mps",
         "_seen",
@@ -80,6 +83,9 @@ class SpeedControl:
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
         self.wheels = Wheels(arena.shape)
+        self._clearance = -math.inf
+        """Distance to the nearest wall, metres, from the place where that was measured last."""
+        self._measured_x = self._measured_y = 0.0
         self.sigma_m = 0.0
         """Standard deviation of the estimated position, metres."""
         self.hearing = Hearing(arena.shape, robots)
@@ -175,7 +181,7 @@ class SpeedControl:
 
     def leads_to_wall(self, twist: Twist) -> bool:
         """Return whether a wall is what the shield slows `twist` for."""
-        return self._shield.within(twist, self.scene.pose, self.arena, self.sigma_m) < 1.0
+        return self._before_walls(twist, self.scene.pose) < 1.0
 
     def off_wall(self, pose: Pose, ahead_m: float = REVERSE_POLL_M) -> float:
         """Return to which side a robot that cannot drive on for a wall turns, so that it comes to drive along it.
@@ -211,8 +217,24 @@ class SpeedControl:
         """Return the share of `twist` that the shield permits."""
         pose = self.scene.pose
         shield = self._shield
-        share = shield.within(twist, pose, self.arena, self.sigma_m) if walls else 1.0
+        share = self._before_walls(twist, pose) if walls else 1.0
         return min(share, shield.past(twist, self._standing(pose)))
+
+    def _before_walls(self, twist: Twist, pose: Pose) -> float:
+        """Return the share of `twist` from which the robot at `pose` stands before each wall.
+
+        The clearance changes by no more than the way between two places: while that of a place before is ample, less
+        the way from there, it is not measured anew.
+        """
+        ample = self._shield.ample(twist, self.sigma_m) + ROUNDING_M
+        if self._clearance - hypot(pose.x - self._measured_x, pose.y - self._measured_y) >= ample:
+            return 1.0
+        self._clearance = self.arena.clearance(pose.x, pose.y)
+        self._measured_x = pose.x
+        self._measured_y = pose.y
+        if self._clearance >= ample:
+            return 1.0
+        return self._shield.within(twist, pose, self.arena, self.sigma_m)
 
     def _standing(self, pose: Pose) -> list[TakenDisc]:
         """Return the robots near that stand: those in view as they are seen, the others as they were heard."""

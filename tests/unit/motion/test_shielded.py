@@ -5,11 +5,13 @@ import math
 import bench
 import pytest
 
+from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import tick_start
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.shield import Shield
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.ports import SeenBody
 
@@ -102,3 +104,26 @@ def test_robot_with_its_back_straight_before_a_wall_stands():
     made.perceive(0, pose, ())
     made.hearing.update(pose, ())
     assert made.reverse() == Twist(0.0, 0.0)
+
+
+def test_the_memory_of_a_clearance_changes_no_command_and_saves_most_of_the_measuring(monkeypatch):
+    arena = bench.testbed()
+    measured = []
+    clearance = Arena.clearance
+    monkeypatch.setattr(Arena, "clearance", lambda self, x, y: (measured.append(x), clearance(self, x, y))[1])
+    remembers = SpeedControl(arena, 1, RuleSwitches())
+    asked = measured_by_it = 0
+    for i in range(2000):  # to and fro in curves, through open floor and along walls, at 1 to 4 mm a tick
+        pose = Pose(0.75 + 0.6 * math.sin(0.005 * i), 0.5 + 0.3 * math.sin(0.003 * i), 0.02 * i)
+        twist = Twist(0.05 + 0.03 * (i % 6), 0.5 * math.sin(0.01 * i))
+        measured.clear()
+        remembers.perceive(0, pose, ())
+        given = remembers._shielded(twist)
+        asked += 1
+        measured_by_it += bool(measured)
+        fresh = SpeedControl(arena, 1, RuleSwitches())
+        fresh.perceive(0, pose, ())
+        share = Shield(arena.shape.radius, arena.shape.speed).within(twist, pose, arena, 0.0)
+        assert given == fresh._shielded(twist)
+        assert given == (twist if share >= 1.0 else Twist(share * twist.v, share * twist.w))
+    assert 0 < measured_by_it < 0.7 * asked
