@@ -27,13 +27,12 @@ from rmr.node.motion.grid import (
     Discs,
     OccupancyGrid,
     blocked_cells,
+    cell_for,
     discs_around,
     grid_of,
     segment_clearance,
 )
 
-SNAP_M: Final = 0.12
-"""How far from start or goal the cell may be that stands for it (S' and T' of the paper)."""
 DOOR_MARGIN_M: Final = 0.015
 """Margin of the second try, which finds ways through doors too narrow for the usual one."""
 
@@ -187,8 +186,8 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     grid = grid_of(arena)
     discs = discs_around(parked, arena.shape.radius, start, goal)
     blocked = blocked_cells(grid, start, goal, discs, arena.shape.radius + margin_m)
-    first = _snap(grid, blocked, start)
-    last = _snap(grid, blocked, goal)
+    first = cell_for(grid, blocked, start)
+    last = cell_for(grid, blocked, goal)
     if first is None or last is None or any(hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
         return None
     cells, expansions = search(grid.stride, blocked, first, last)
@@ -197,8 +196,3 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     floor = FreeSpace(arena, discs, start, goal, margin_m)
     points = floor.pull([start, *(grid.centre(index) for index in cells), goal])
     return Plan(tuple(points), grid_path(grid, cells), expansions)
-
-
-def _snap(grid: OccupancyGrid, blocked: bytearray, point: Point) -> int | None:
-    """Return the free cell nearest to `point`."""
-    return next((index for index in grid.near(*point, SNAP_M) if not blocked[index]), None)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
-from rmr.base.arena import Arena, Disc, Obstacle
+from rmr.base.arena import ROUNDING_M, Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
 PATH_MARGIN_M: Final = 0.03
@@ -24,7 +24,11 @@ TIGHT_MARGIN_M: Final = 0.005
 SAME_PLACE_M: Final = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
 RELAXED_M: Final = 0.15
-"""How near to start or goal the tight margin holds."""
+"""How near to start or goal the tight margin holds, on cells of 5 cm; see `OccupancyGrid.relaxed_m`."""
+SNAP_M: Final = 0.12
+"""How far from start or goal the cell may be that stands for it (S' and T' of the paper), on cells of 5 cm."""
+USUAL_CELL_M: Final = 0.05
+"""The cells for which these lengths are stated. Coarser cells lengthen them, so that each point has a cell nearby."""
 
 BLOCK: Final = 8
 """Edge, in cells, of the blocks whose clearance is measured together."""
@@ -36,11 +40,14 @@ Discs = tuple[tuple[float, float, float], ...]
 class OccupancyGrid:
     """The cells of one arena. Index of a cell: (row + 1) * stride + column + 1."""
 
-    __slots__ = ("arena", "cell", "clear", "columns", "rows", "stride")
+    __slots__ = ("arena", "cell", "clear", "columns", "relaxed_m", "rows", "snap_m", "stride")
 
     def __init__(self, arena: Arena) -> None:
         self.arena = arena
         self.cell = arena.cell
+        coarse = max(1.0, arena.cell / USUAL_CELL_M)
+        self.relaxed_m = RELAXED_M * coarse
+        self.snap_m = SNAP_M * coarse
         self.columns = max(1, round(arena.width / arena.cell))
         self.rows = max(1, round(arena.height / arena.cell))
         self.stride = self.columns + 2
@@ -146,13 +153,21 @@ def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, 
     blocked = bytearray(_inflated(grid.arena, inflation_m))
     tight = grid.arena.shape.radius + TIGHT_MARGIN_M
     for x, y in (start, goal):
-        for index in grid.near(x, y, RELAXED_M):
+        for index in grid.near(x, y, grid.relaxed_m):
             if grid.clear[index] >= tight:
                 blocked[index] = 0
     for x, y, keep in discs:
         for index in grid.near(x, y, keep):
             blocked[index] = 1
     return blocked
+
+
+def cell_for(grid: OccupancyGrid, blocked: Sequence[int], point: Point) -> int | None:
+    """Return the nearest cell that is not blocked, on this side of obstacles and walls, or None."""
+    for index in grid.near(*point, grid.snap_m):
+        if not blocked[index] and segment_clearance(grid.arena, point, grid.centre(index), ROUNDING_M) > 0.0:
+            return index
+    return None
 
 
 def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.inf) -> float:

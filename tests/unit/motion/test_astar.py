@@ -6,12 +6,13 @@ from itertools import pairwise
 from random import Random
 
 import bench
+import pytest
 
-from rmr.base.arena import Arena, Disc
+from rmr.base.arena import Arena, Disc, RobotShape
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.grid_path import STEPS
 from rmr.node.motion.astar import plan, search
-from rmr.node.motion.grid import OccupancyGrid, blocked_cells, discs_around, grid_of, segment_clearance
+from rmr.node.motion.grid import OccupancyGrid, blocked_cells, cell_for, discs_around, grid_of, segment_clearance
 
 ROOM = Arena(1.5, 1.5, 0.05)
 
@@ -157,3 +158,27 @@ def test_cells_near_the_start_are_relaxed_but_never_below_the_radius():
     assert not blocked[grid.index(0.08, 0.7)]
     assert blocked[grid.index(0.08, 1.2)]
     assert blocked[grid.index(0.02, 0.7)]
+
+
+@pytest.mark.parametrize(("radius", "cell"), [(0.07, 0.05), (0.308, 0.22), (0.5, 0.35), (0.05, 0.1), (0.07, 0.02)])
+def test_from_wherever_a_robot_can_stand_a_way_begins(radius, cell):
+    arena = Arena(
+        11.0, 7.0, cell, (bench.box(3.0, 0.0, 4.0, 4.0), Disc(Point(8.0, 5.0), 0.4)), shape=RobotShape(radius)
+    )
+    grid = grid_of(arena)
+    rng = Random(f"2/stands/{radius}")
+    tried = 0
+    while tried < 100:
+        place = Point(rng.uniform(0.0, 11.0), rng.uniform(0.0, 7.0))
+        if arena.clearance(*place) < radius + 0.005 + 1.5 * cell:
+            continue
+        tried += 1
+        assert cell_for(grid, blocked_cells(grid, place, place, (), radius + 0.03), place) is not None
+    assert plan(arena, Point(1.0, 1.0), Point(10.0, 1.0)) is not None
+
+
+def test_no_way_begins_on_the_other_side_of_a_thin_wall():
+    # A slot between two walls, with no cell that a robot could enter.
+    slot = (bench.box(0.625, 0.0, 0.635, 1.5), bench.box(0.745, 0.0, 0.755, 1.5))
+    arena = Arena(1.5, 1.5, 0.13, slot, shape=RobotShape(0.05))
+    assert plan(arena, Point(0.69, 0.7), Point(1.2, 0.7)) is None

@@ -1,8 +1,8 @@
 """Phase 3, reachability: robots have a way to where they are to go.
 
 A way is one that the robots' own planner finds, with its margins; a place without one is an error, for such a run could
-never finish. To keep many robots and places cheap, the cells of the floor are first grouped into connected regions: a
-robot and a place at the same region have a way, and the planner is asked about the others only.
+never finish. To keep many robots and places cheap, the cells of the floor are first grouped into connected regions: two
+points whose cells of the planner are in one region have a way, and the planner is asked about the others only.
 
 Checked are the destinations of all robots (`bound.destinations`), each place of them, and the areas and queues that the
 program names: of the latter each must have a way from at least one robot.
@@ -16,7 +16,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Program
 from rmr.node.motion.astar import DOOR_MARGIN_M, plan
-from rmr.node.motion.grid import RELAXED_M, TIGHT_MARGIN_M, grid_of
+from rmr.node.motion.grid import TIGHT_MARGIN_M, cell_for, grid_of
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
@@ -27,23 +27,27 @@ PLANS_MAX = 200
 
 def unreachable_places(lab: Lab, program: Program) -> Iterator[Finding]:
     """Yield an error for each place that robots must reach and cannot."""
-    ways = _Ways(lab)
+    ways = Ways(lab)
     yield from _unreachable_destinations(lab, ways)
     yield from _unreachable_used_areas(lab, program, ways)
 
 
-class _Ways:
+class Ways:
     """The ways of one lab: whether a robot can get from one point to another."""
 
     def __init__(self, lab: Lab) -> None:
         self._arena = lab.arena
         self._region = _regions(lab.arena)
+        least = lab.arena.shape.radius + TIGHT_MARGIN_M
+        self._too_near = [clear < least for clear in grid_of(lab.arena).clear]
+        """By cell: whether it is blocked at the ends of a way, too."""
         self._plans = 0
         self.starts = [(robot.id, Point(robot.pose.x, robot.pose.y)) for robot in lab.robots]
 
     def between(self, start: Point, goal: Point) -> bool:
         """Return whether a robot finds a way from `start` to `goal`; True without a look beyond PLANS_MAX plans."""
-        if self._touches(start) & self._touches(goal):
+        region = self._region_of(start)
+        if region and region == self._region_of(goal):
             return True
         self._plans += 1
         return self._plans > PLANS_MAX or plan(self._arena, start, goal) is not None
@@ -52,10 +56,10 @@ class _Ways:
         """Return whether a robot finds a way from `start` to one of `places`."""
         return any(self.between(start, place) for place in places)
 
-    def _touches(self, point: Point) -> set[int]:
-        """Return the regions around `point`, as far as the planner lowers its margin near the ends of a way."""
-        grid = grid_of(self._arena)
-        return {self._region[index] for index in grid.near(*point, RELAXED_M)} - {0}
+    def _region_of(self, point: Point) -> int:
+        """Return the region of the cell from which the planner begins at `point`; 0 if that is in none."""
+        cell = cell_for(grid_of(self._arena), self._too_near, point)
+        return 0 if cell is None else self._region[cell]
 
 
 @lru_cache(maxsize=4)
@@ -82,7 +86,7 @@ def _regions(arena: Arena) -> list[int]:
     return region
 
 
-def _unreachable_destinations(lab: Lab, ways: _Ways) -> Iterator[Finding]:
+def _unreachable_destinations(lab: Lab, ways: Ways) -> Iterator[Finding]:
     """Yield an error for each area, or slot of it, that is a destination and cannot be reached."""
     goals = destinations(lab)
     starts = dict(ways.starts)
@@ -106,7 +110,7 @@ def _cut_off(lab: Lab, area: Area, robots: Sequence[int]) -> Finding:
     return lab.error(("areas", area.name), message)
 
 
-def _unreachable_used_areas(lab: Lab, program: Program, ways: _Ways) -> Iterator[Finding]:
+def _unreachable_used_areas(lab: Lab, program: Program, ways: Ways) -> Iterator[Finding]:
     """Yield an error for each area and queue place that the program uses and no robot can reach."""
     checked = {area.name for area in destinations(lab).values()}
     queues: dict[str, bool] = {}
