@@ -30,6 +30,7 @@ from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
 from rmr.node.crossing.crossing_table import CrossingTable, crossing_of
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.later_steps import time_of
+from rmr.node.crossing.making_room import MakingRoom
 from rmr.node.crossing.observer import Observer
 from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
 from rmr.node.crossing.request import area_among, goal_among, goal_of, may_drive, without_deadline
@@ -54,6 +55,7 @@ class Crossings:
         self._table = CrossingTable(digest)
         self._paths = SharedPaths(robot, core, self.name_of)
         self.destinations = Destinations(robot)
+        self._making_room = MakingRoom(robot)
         self._executor = CommandExecutor(robot, core, self.destinations)
         self._shares = robot.driver is not None and robot.config.arena.has_shared_passages
         """Whether there are passages that are resources of all robots, whatever their events."""
@@ -384,6 +386,8 @@ class Crossings:
             self._step(now, crossing)
             if not prepared:
                 self._ask(now, crossing)
+            if crossing.waits:
+                self._making_room.step(now, crossing, self.inside(now, crossing))
             wake = crossing.next_wake
             soonest = wake if wake < soonest else soonest
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
