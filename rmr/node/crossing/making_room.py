@@ -1,4 +1,4 @@
-"""A robot that waits for its turn where the one whose turn it is wants to go: it makes room.
+"""A robot that waits for its turn where the one whose turn it is wants to go, or in its only way there: it makes room.
 
 It would leave with its own turn, but that comes only when the other one has arrived. So it drives to free floor, off
 the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and the drive of the
@@ -11,15 +11,15 @@ from typing import Final, NamedTuple
 from rmr.base.geometry import Point, distance
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.node.crossing.crossing import Crossing
+from rmr.node.driver import Driver
+from rmr.node.motion.astar import plan
 from rmr.node.motion.grid import TIGHT_MARGIN_M
-from rmr.node.motion.route import leader_route
+from rmr.node.motion.route import Route, leader_route
 from rmr.node.motion.standoff.refuge import retreat_route
 from rmr.node.parts import CrossingHost
 
-STANDS: Final[Duration] = seconds(2)
-"""The other one has found no way for so long."""
-MOVED_M: Final = 0.03
-"""Positions that differ by less are one: hellos tell centimetres of an estimate."""
+NOWHERE: Final[Duration] = seconds(2)
+"""The other one has got nowhere for so long: no farther than a hull is wide."""
 LOOK_EVERY: Final[Duration] = milliseconds(500)
 
 
@@ -36,13 +36,12 @@ class MakingRoom:
     def __init__(self, robot: CrossingHost) -> None:
         self._robot = robot
         self._look_at: Instant = 0
-        self._trip: Trip | None = None
-        """That of the other one, since it stands where it is."""
-        self._since: Instant = 0
         self._tries = 0
+        self._seen: dict[int, tuple[Point, Instant]] = {}
+        """Where each robot inside is that has got nowhere since, and since when."""
 
     def step(self, now: Instant, crossing: Crossing, inside: Sequence[int]) -> None:
-        """Drive off the goal of a robot that is `inside` the resource of `crossing` and stands, if this one waits."""
+        """Drive out of the way of a robot that is `inside` the resource of `crossing`, if this one waits in it."""
         robot = self._robot
         driver = robot.driver
         pose = robot.pose
@@ -50,31 +49,47 @@ class MakingRoom:
         if now < self._look_at or driver is None or pose is None or held is None or held.started is not None:
             return
         self._look_at = now + LOOK_EVERY
+        self._seen = {other: seen for other, seen in self._seen.items() if other in inside}
         here = Point(pose.x, pose.y)
-        trip = self._trip_here(now, here, inside)
-        if trip is None or robot.driving is not None or driver.navigator.status == "moving":
-            self._trip = None
-            return
-        if self._trip is None or distance(*self._trip.start, *trip.start) > MOVED_M:
-            self._trip = trip
-            self._since = now
-        if now - self._since < STANDS:
-            return
-        self._tries += 1
-        others = robot.peers.parked(now)
-        goal = here if crossing.goal is None else crossing.goal.places[0]
-        way = leader_route(driver.arena, *trip, [at for at in others if at != trip.start], through_gate=False)
-        paths = () if way is None else (way,)
-        route = retreat_route(driver.arena, here, goal, others, robot.config.robot, self._tries, paths)
-        if route is not None:
-            driver.depart(now, route.points[-1], robot.peers, heading=None, gated=False, shared=None)
+        for other, hello in robot.peers.claims(now):
+            if other not in inside or hello.goal is None:
+                continue
+            trip = Trip(Point(hello.x, hello.y), Point(*hello.goal))
+            if not self._gets_nowhere(now, other, trip.start):
+                continue
+            stands = robot.driving is None and driver.navigator.status != "moving"
+            way = self._way_barred(now, driver, here, trip) if stands else None
+            if way is not None:
+                self._make_room(now, driver, here, here if crossing.goal is None else crossing.goal.places[0], way)
+                return
 
-    def _trip_here(self, now: Instant, here: Point, inside: Sequence[int]) -> Trip | None:
-        """Return the trip of a robot `inside` that wants to go where this one stands; None if there is none."""
-        reach = 2.0 * self._robot.config.arena.shape.radius + TIGHT_MARGIN_M
-        for other, hello in self._robot.peers.claims(now):
-            if other in inside and hello.goal is not None:
-                trip = Trip(Point(hello.x, hello.y), Point(*hello.goal))
-                if distance(*trip.goal, *here) < reach <= distance(*trip.goal, *trip.start):
-                    return trip
-        return None
+    def _gets_nowhere(self, now: Instant, other: int, place: Point) -> bool:
+        """Return whether `other`, which is at `place`, has been no farther than a hull is wide from there for long."""
+        first, since = self._seen.setdefault(other, (place, now))
+        if distance(*first, *place) > 2.0 * self._robot.config.arena.shape.radius:
+            self._seen[other] = (place, now)
+            return False
+        return now - since >= NOWHERE
+
+    def _way_barred(self, now: Instant, driver: Driver, here: Point, trip: Trip) -> Route | None:
+        """Return the way that another robot would have on its `trip` if this one, which stands `here`, had left.
+
+        None if it has one anyway, or none even then.
+        """
+        arena = driver.arena
+        reach = 2.0 * arena.shape.radius + TIGHT_MARGIN_M
+        if distance(*trip.start, *trip.goal) < reach:
+            return None
+        others = [at for at in self._robot.peers.parked(now) if at != trip.start]
+        if distance(*trip.goal, *here) >= reach and plan(arena, *trip, (*others, here)) is not None:
+            return None
+        return leader_route(arena, *trip, others, through_gate=False)
+
+    def _make_room(self, now: Instant, driver: Driver, here: Point, goal: Point, way: Route) -> None:
+        """Drive to free floor off `way`, on this side of the way to the own `goal`."""
+        peers = self._robot.peers
+        self._tries += 1
+        robot = self._robot.config.robot
+        route = retreat_route(driver.arena, here, goal, peers.parked(now), robot, self._tries, (way,))
+        if route is not None:
+            driver.depart(now, route.points[-1], peers, heading=None, gated=False, shared=None)

@@ -1,6 +1,7 @@
-"""A robot that waits for its turn on the goal of the one whose turn it is drives out of the way; no other one does."""
+"""A robot that waits for its turn in the way of the one whose turn it is, or on its goal, drives off; no other does."""
 
 from rmr.base.geometry import distance
+from rmr.base.time import seconds
 from rmr_sim.run_setup import Options, load
 
 PROGRAM = """\
@@ -23,32 +24,41 @@ program: swap.rmr
 duration: 45s
 finish: done(R)
 arena: {size: [2.0, 1.5]}
+obstacles:
+  - {box: [0.95, 0.0, 1.05, 0.62]}
+  - {box: [0.95, 0.88, 1.05, 1.5]}
 areas:
   west: {at: [0.4, 0.75]}
   east: {at: [1.6, 0.75]}
 robots:
   - {id: 1, pose: [0.4, 0.8, 0deg]}
-  - {id: 2, pose: [1.6, 0.7, 0deg]}
+  - {id: 2, pose: [X, 0.75, 0deg]}
 localisation: {beacons: [[0, 0], [2.0, 0]]}
 facts:
 """
 
 
-def swap(tmp_path, *facts):
-    """Run a lab in which robot 1 wants to go to the east, where robot 2 stands; return whether it finishes, and it."""
+def run(tmp_path, x, *facts):
+    """Run a lab in which robot 1 wants to go to the east, and robot 2 stands at `x`."""
     (tmp_path / "swap.rmr").write_text(PROGRAM)
-    (tmp_path / "lab.yaml").write_text(LAB + "".join(f"  - {fact}\n" for fact in facts))
+    (tmp_path / "lab.yaml").write_text(LAB.replace("X", str(x)) + "".join(f"  - {fact}\n" for fact in facts))
     simulation = load(tmp_path, Options()).simulation(1)
     return simulation.run(), simulation
 
 
 def test_robots_that_want_to_each_other_s_place_one_at_a_time_both_arrive(tmp_path):
-    finished, _ = swap(tmp_path, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)", "due(@2, 40)")
+    finished, _ = run(tmp_path, 1.6, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)", "due(@2, 40)")
     assert finished
 
 
+def test_a_robot_that_waits_in_a_door_lets_the_one_pass_whose_turn_it_is(tmp_path):
+    finished, simulation = run(tmp_path, 1.0, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)", "due(@2, 40)")
+    assert finished
+    assert simulation.robots[0].node.finish_at < seconds(20)  # its first drive has not failed
+
+
 def test_a_robot_that_waits_for_no_turn_stays_where_it_is(tmp_path):
-    finished, simulation = swap(tmp_path, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)")
+    finished, simulation = run(tmp_path, 1.6, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)")
     pose = simulation.robots[1].node.driver.localiser.pose
     assert not finished
-    assert distance(pose.x, pose.y, 1.6, 0.7) < 0.02
+    assert distance(pose.x, pose.y, 1.6, 0.75) < 0.02
