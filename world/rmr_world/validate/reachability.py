@@ -9,6 +9,7 @@ program names: of the latter each must have a way from at least one robot.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 from rmr.analysis.area_uses import area_uses
@@ -20,9 +21,14 @@ from rmr.node.motion.grid import TIGHT_MARGIN_M, cell_for, grid_of
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
+from rmr_world.schema import CELLS_MAX
 
 PLANS_MAX = 200
 """Calls of the planner; beyond them a way is assumed. A lab with so many places without a way has enough errors."""
+FINER = (2, 4)
+"""Parts of a cell with which a way is looked for that the cells of the lab file are too large for."""
+FINER_PLACES_MAX = 4
+"""Places of an area that are tried so."""
 
 
 def unreachable_places(lab: Lab, program: Program) -> Iterator[Finding]:
@@ -95,7 +101,7 @@ def _unreachable_destinations(lab: Lab, ways: Ways) -> Iterator[Finding]:
         places = _places(lab.arena, area)
         cut_off = [robot for robot in robots if not ways.into(starts[robot], places)]
         if cut_off:
-            yield _cut_off(lab, area, cut_off)
+            yield _cut_off(lab, area, cut_off, _cell_with_way(lab.arena, starts[cut_off[0]], places))
         elif area.slotted:
             for index, place in enumerate(area.places):
                 if not any(ways.between(starts[robot], place) for robot in robots):
@@ -103,11 +109,25 @@ def _unreachable_destinations(lab: Lab, ways: Ways) -> Iterator[Finding]:
                     yield lab.error(_place_path(lab, area, index), message)
 
 
-def _cut_off(lab: Lab, area: Area, robots: Sequence[int]) -> Finding:
+def _cut_off(lab: Lab, area: Area, robots: Sequence[int], cell: float | None) -> Finding:
     named = ", ".join(map(str, robots[:10])) + (", ..." if len(robots) > 10 else "")
     who = f"robot {named} finds" if len(robots) == 1 else f"robots {named} find"
     message = f"{who} no way to area '{area.name}'; a robot of radius {lab.arena.shape.radius:g} m must fit through"
+    if cell is not None:
+        message += f": it does, but not on a grid of {lab.arena.cell:g} m; set arena.cell to {cell:g} or less"
     return lab.error(("areas", area.name), message)
+
+
+def _cell_with_way(arena: Arena, start: Point, places: Sequence[Point]) -> float | None:
+    """Return the edge of smaller cells, metres, on which there is a way from `start` to one of `places`; or None."""
+    for parts in FINER:
+        cell = arena.cell / parts
+        if arena.width / cell * arena.height / cell > CELLS_MAX:
+            return None
+        finer = replace(arena, cell=cell)
+        if any(plan(finer, start, place) is not None for place in places[:FINER_PLACES_MAX]):
+            return cell
+    return None
 
 
 def _unreachable_used_areas(lab: Lab, program: Program, ways: Ways) -> Iterator[Finding]:
