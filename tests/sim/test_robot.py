@@ -455,24 +455,24 @@ def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_cal
 
 def test_node_awaits_confirmation_of_some_frames_and_not_of_beacons(tmp_path):
     simulation = prepare(LABS / "testbed", seed=1)
-    robot = simulation.robots[0]
-    told, awaited = list[int](), list[int]()
+    told, awaited = list[int](), list[tuple]()
 
-    def take(out, *, robot=robot, take=robot.station.take):
-        if isinstance(out, Confirmed):
-            told.append(out.handle)
-            awaited.extend([out.handle] * robot.node.awaits(out))
-        take(out)
+    def listen(robot, take):
+        def taken(out):
+            if isinstance(out, Confirmed):
+                told.append(out.handle)
+                awaited.extend([(robot, out.handle)] * robot.node.awaits(out))
+            take(out)
 
-    def after_two_seconds(now):
-        if now >= seconds(2.0):
-            simulation.stop()
+        robot.station.take = taken
 
-    robot.station.take = take
-    simulation.observers.append(after_two_seconds)
+    for robot in simulation.robots:
+        listen(robot, robot.station.take)
+    simulation.observers.append(lambda now: simulation.stop() if now >= seconds(2.0) else None)
     simulation.run()
     assert 0 < len(awaited) < len(told)
-    assert not robot.node.awaits(Confirmed(awaited[0], "ok")), "told already"
+    robot, handle = awaited[0]
+    assert not robot.node.awaits(Confirmed(handle, "ok")), "told already"
 
 
 def test_frames_are_not_overheard_where_the_program_senses_neighbors(tmp_path):
