@@ -74,7 +74,7 @@ def inside(trace, robot, until_s):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("at_s", "robot"), [(0.2, 3), (3.0, 1), (6.0, 1), (6.0, 4), (9.0, 3), (18.0, 6)])
+@pytest.mark.parametrize(("at_s", "robot"), [(0.6, 3), (3.0, 1), (6.0, 1), (6.0, 4), (9.0, 3), (18.0, 6)])
 def test_living_pass_a_robot_that_died_before_its_slot_in_the_queue_or_beyond(at_s, robot):
     """One silent for 15 s does not leave the queue any more: those behind it drive around it."""
     _, report, _ = ran(LABS / "corridor", kill(at_s, robot))
@@ -123,7 +123,7 @@ def test_robots_behind_a_body_in_the_bottleneck_are_told_and_fail_in_time(at_s, 
         )
         assert found is not None
         assert at_s - 0.6 <= float(found[1]) <= at_s
-        assert at < float(found[1]) + TOLD_S
+        assert at < float(found[1]) + 0.1 + TOLD_S, "the reason tells tenths of a second, and looks are made in ticks"
     for one in left:  # the program has its violation action, and knows why
         assert any(entry["what"] == "deadline_missed" and entry["robot"] == one for entry in trace)
         assert any(action == f"broadcast(@{one})" for _, action in report["robots"][str(one)]["actions"])
