@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from rmr.base.time import seconds
+from rmr.base.time import TICK_S, in_seconds, seconds
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_world.lab import Fault, Kill, Restart, Stall
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
-TOLD_S = 37.0
+TOLD_S = 37.0 + TICK_S
 """A drive that the dead bar fails within this after their last word (docs/coordination.md)."""
+UNHEARD = "one that dies before its first hello is heard by nobody: robot 4 waits for it beyond 100 s"
 
 LONG = """
 lab: long
@@ -74,7 +75,18 @@ def inside(trace, robot, until_s):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("at_s", "robot"), [(0.6, 3), (3.0, 1), (6.0, 1), (6.0, 4), (9.0, 3), (18.0, 6)])
+@pytest.mark.parametrize(
+    ("at_s", "robot"),
+    [
+        pytest.param(0.2, 3, marks=pytest.mark.xfail(reason=UNHEARD, strict=True)),
+        (0.6, 3),
+        (3.0, 1),
+        (6.0, 1),
+        (6.0, 4),
+        (9.0, 3),
+        (18.0, 6),
+    ],
+)
 def test_living_pass_a_robot_that_died_before_its_slot_in_the_queue_or_beyond(at_s, robot):
     """One silent for 15 s does not leave the queue any more: those behind it drive around it."""
     _, report, _ = ran(LABS / "corridor", kill(at_s, robot))
@@ -117,13 +129,15 @@ def test_robots_behind_a_body_in_the_bottleneck_are_told_and_fail_in_time(at_s, 
     assert not report["finished"]
     assert left
     assert {*failed} == {*told} == left
+    last_s = max(in_seconds(one.node.peers.known[robot].hello_at) for one in simulation.robots if one.robot in left)
     for at, why in failed.values():
         found = re.fullmatch(
             rf"no way there: the bottleneck is blocked by robot {robot}, which has been silent since ([0-9.]+) s", why
         )
         assert found is not None
         assert at_s - 0.6 <= float(found[1]) <= at_s
-        assert at < float(found[1]) + 0.1 + TOLD_S, "the reason tells tenths of a second, and looks are made in ticks"
+        assert float(found[1]) == round(last_s, 1)
+        assert at < last_s + TOLD_S
     for one in left:  # the program has its violation action, and knows why
         assert any(entry["what"] == "deadline_missed" and entry["robot"] == one for entry in trace)
         assert any(action == f"broadcast(@{one})" for _, action in report["robots"][str(one)]["actions"])

@@ -27,7 +27,7 @@ REVERSE_MPS: Final = 0.08
 REVERSE_GAP_M: Final = 0.03
 """Gap to other robots that a reverse manoeuvre keeps: it is done blind."""
 REVERSE_POLL_M: Final = 0.03
-"""How far behind the robot a reverse manoeuvre looks for walls and bodies."""
+"""How far behind the robot a reverse manoeuvre looks for walls and bodies; ahead, one that turns off a wall."""
 REVERSE_TURN: Final = 0.5
 """Turn rate with which a robot turns its back away from a wall, rad/s."""
 REVERSE_LOOK_RAD: Final = 0.3
