@@ -16,6 +16,7 @@ class Booking:
 
     __slots__ = (
         "absent",
+        "among",
         "approach",
         "behind",
         "bypassed",
@@ -78,6 +79,8 @@ class Booking:
         """Start of the last slot that it missed so."""
         self.bypassed = 0
         """Passages of others that joined later."""
+        self.among = 0
+        """The greatest number of jobs in the books, at a passage, while it waited."""
         self.behind = False
         """Has its place behind all others for now."""
         self.heard = now
@@ -91,9 +94,9 @@ class Booking:
         self.said = job.time
         changed = self.provisional or new != old
         self.provisional = False
-        repeated = job.underway and job.release <= job.time  # it is as far away as in its first report
-        if job.release != self.release and not repeated:
-            self.approach = max(job.release - job.time, 0)
+        # A frame tells a release that is past as one of now: it is a repeat, and the robot is as far away as it was.
+        if job.release > job.time and job.release != self.release:
+            self.approach = job.release - job.time
         _, self.duration, self.deadline, self.headway, self.direction, self.underway = new
         self.release = job.release
         return changed
@@ -118,10 +121,14 @@ class Booking:
         return self.absent > 0 and not self.underway and self.overtaken < self._passes(schedule)
 
     def is_due(self, schedule: ScheduleTiming) -> bool:
-        """Return whether the job goes before all others, for as many have overtaken it as may."""
+        """Return whether the job goes before all others, for as many have overtaken it as may.
+
+        Each of those that it waits among may go before it, in whatever order they have asked: robots that begin at the
+        same time ask within a second or two.
+        """
         if self.absent > 0:
             return self.overtaken >= self._passes(schedule)
-        return self.bypassed >= schedule.bypass_max
+        return self.bypassed >= max(schedule.bypass_max, self.among)
 
     def _passes(self, schedule: ScheduleTiming) -> int:
         """Return how many others may pass before a job whose robot was not ready."""

@@ -129,6 +129,7 @@ class Ledger:
     def _count_passage(self, passed: Booking) -> None:
         """Count a passage for the jobs that it has overtaken."""
         for booking in self.waiting():
+            booking.among = max(booking.among, len(self.bookings))
             booking.overtaken += 1
             booking.bypassed += booking.joined < passed.joined
 

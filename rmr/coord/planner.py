@@ -4,9 +4,12 @@ The jobs are placed behind the slots that stand, in four tiers:
 
 1. jobs that as many others have overtaken as may (`is_due`), in order of joining;
 2. jobs under way: their robots have set out, and the others would have to pass them. The nearest goes first. Of more
-   than `EXACT_MAX` jobs all that have set out are in this tier, and the third tier may fill the gaps between them;
+   than `EXACT_MAX` jobs all that have set out are in this tier;
 3. the others, in the order of `rmr.coord.schedule`;
 4. jobs whose robots were not ready for their last slots (`is_behind`), in order of their back-off.
+
+A job of the second or third tier goes before one of a tier above that it does not hold up: not beyond the slot for
+which that one's robot set out. Where turns do not exclude each other (`capacity` above 1) tiers are strict.
 
 A plan is computed in one call and keeps nothing. It writes `start` and `until` of the bookings.
 """
@@ -47,20 +50,25 @@ class Planner:
         many = len(movable) > EXACT_MAX and self._timing.order is Order.OURS
         last = self._absent(movable)
         movable = [job for job in movable if not job.behind]
-        first = self._urgent(movable, many)
-        known = {job.robot for job in first}
-        ahead = [self._task(job) for job in first]
-        placed = self._give(first, ahead, fixed)
-        behind = fixed + placed
-        rest = [job for job in movable if job.robot not in known]
-        tasks = self._ordered(rest, behind)
-        if many and self._rules.capacity == 1:
-            # Beyond EXACT_MAX the order is a heuristic: jobs that delay no robot under way go between those.
-            tasks = merge(ahead, tasks, fixed, self._rules)
+        due, underway = self._urgent(movable, many)
+        first = self._merged(due, [self._task(job) for job in underway], fixed)
+        known = {task.robot for task in first}
+        by_robot = {job.robot: job for job in movable}
+        slots = {job.robot: self._slot(job) for job in movable}
+        behind = fixed + self._give([by_robot[task.robot] for task in first], first, fixed)
+        tasks = self._ordered([job for job in movable if job.robot not in known], behind)
+        if self._rules.capacity == 1:
+            tasks = merge(first, [slots[task.robot] for task in first], tasks, fixed, self._rules)
             behind = fixed
-        by_robot = {job.robot: job for job in (*first, *rest)}
         behind = behind + self._give([by_robot[task.robot] for task in tasks], tasks, behind)
         self._give(last, [self._task(job) for job in last], behind)
+
+    def _merged(self, due: list[Booking], underway: list[Task], fixed: list[Placed]) -> list[Task]:
+        """Return the order of the jobs that go first: those `due`, and before each those that do not hold it up."""
+        first = [self._task(job) for job in due]
+        if not first or self._rules.capacity > 1:
+            return first + underway
+        return merge(first, [self._now] * len(due), underway, fixed, self._rules)
 
     def _absent(self, movable: list[Booking]) -> list[Booking]:
         """Return the jobs that go behind all others, the one with the earliest retry first."""
@@ -71,15 +79,19 @@ class Planner:
                 job.start = None  # it joins the order anew: its old slot was one behind all others
         return sorted((job for job in movable if job.behind), key=lambda job: (job.retry, job.robot))
 
-    def _urgent(self, movable: list[Booking], many: bool) -> list[Booking]:
-        """Return the jobs that go first: those overtaken by enough others, then those under way, nearest first."""
+    def _urgent(self, movable: list[Booking], many: bool) -> tuple[list[Booking], list[Booking]]:
+        """Return the jobs that go first: those overtaken by enough others, and those under way, nearest first."""
         due = [job for job in movable if job.is_due(self._timing.schedule)]
         due.sort(key=lambda job: (job.joined, job.robot))
         underway = [
             job for job in movable if job not in due and (job.underway or (many and job.has_set_out(self._now)))
         ]
         underway.sort(key=lambda job: (self._distance(job), job.robot))
-        return due + underway
+        return due, underway
+
+    def _slot(self, job: Booking) -> Instant:
+        """Return the slot for which the robot of a job set out; now, if it stands where others must pass."""
+        return self._now if job.underway or job.start is None else job.start
 
     def _distance(self, job: Booking) -> Duration:
         """Return how long the robot of a job under way needs to its entrance."""

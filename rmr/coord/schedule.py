@@ -158,15 +158,21 @@ def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> li
     return [chart.add(task) for task in order]
 
 
-def merge(first: Sequence[Task], rest: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
-    """Return both in one order: `first`, and before each of them those of the `rest` that do not hold it up."""
+def merge(
+    first: Sequence[Task], slots: Sequence[Instant], rest: Sequence[Task], standing: Sequence[Placed], rules: Rules
+) -> list[Task]:
+    """Return both in one order: `first`, and before each of them those of the `rest` that do not hold it up.
+
+    `slots` are the slots that those of `first` have had: they set out for these, and none of them is held up by one
+    that leaves it its slot. For none is given: it is held up by all that make it later than it could be.
+    """
     chart = _Chart(standing, rules)
     left = list(rest)
     order: list[Task] = []
-    for task in first:
+    for task, slot in zip(first, slots, strict=True):
         behind: list[Task] = []
         for other in left:
-            fits = chart.start(other) + gap(other, task, rules.opposed) <= chart.start(task)
+            fits = chart.start(other) + gap(other, task, rules.opposed) <= max(chart.start(task), slot)
             if fits:
                 chart.add(other)
             (order if fits else behind).append(other)

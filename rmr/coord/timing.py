@@ -148,7 +148,8 @@ class ScheduleTiming:
     absent_passes_max: int = 16
     """Upper bound of those passages. After them the job goes before all others, for one slot."""
     bypass_max: int = 32
-    """A waiting job that this many later ones have overtaken goes before all others: overtaking is bounded."""
+    """A waiting job that this many later ones have overtaken, and as many as it waits among, goes before all others:
+    overtaking is bounded."""
 
     path_repeats: int = 3
     """How often the leader's path is sent."""

@@ -134,14 +134,14 @@ class Lateness:
 
     def treat(self, now: Instant, symptom: Symptom, approach: Duration) -> Instant | None:
         """Return the release that the leader hears; None where it hears nothing yet."""
-        ready = now + approach
+        ready = now + max(approach, APPROACH_MIN)
         match POLICIES[symptom].remedy:
             case Remedy.POSTPONED:
                 return ready
             case Remedy.COMMITTED:
                 self.committed = True
                 self.reported_approach = approach
-                return now + max(approach, APPROACH_MIN)
+                return ready
         in_a_row = POLICIES[Symptom.SLOT_WASTED].in_a_row
         # An entry of no use is worse than a slot of no use: it demotes at once, and by the longer back-off.
         self.slots_wasted = 1 + (in_a_row if symptom is Symptom.ENTRY_UNUSED else self.slots_wasted)

@@ -65,18 +65,25 @@ def test_job_that_rejoins_is_inserted_by_its_deadline() -> None:
 
 def test_jobs_that_do_not_delay_a_robot_under_way_go_before_it() -> None:
     rest, far = jobs(5), Task(9, 4000 * MS, 3000 * MS, 0, HEADWAY_MS * MS, 0)
-    order = merge([far], rest, [], RULES)
+    order = merge([far], [0], rest, [], RULES)
     assert robots(order) == [1, 2, 3, 9, 4, 5]
     assert place(order, [], RULES)[3] == 4000 * MS
     busy = [Placed(2000 * MS, 3000 * MS, HEADWAY_MS * MS, 0)]
-    assert robots(merge([far], rest, busy, RULES)) == [1, 9, 2, 3, 4, 5]
-    assert merge([], rest, [], RULES) == rest
+    assert robots(merge([far], [0], rest, busy, RULES)) == [1, 9, 2, 3, 4, 5]
+    assert merge([], [], rest, [], RULES) == rest
 
 
-def told(ledger: Ledger, robot: int, now_ms: int, approach_ms: int, deadline_ms: int) -> None:
+def test_a_robot_under_way_for_its_slot_is_not_held_up_by_those_who_leave_it_that_slot() -> None:
+    rest, far = jobs(5), Task(9, 4000 * MS, 3000 * MS, 0, HEADWAY_MS * MS, 0)
+    assert robots(merge([far], [5500 * MS], rest, [], RULES)) == [1, 2, 3, 4, 9, 5]
+
+
+def told(
+    ledger: Ledger, robot: int, now_ms: int, approach_ms: int, deadline_ms: int, *, underway: bool = False
+) -> None:
     """Let `robot` tell its job at `now_ms`, when it needs `approach_ms` to the gate."""
     release = ms(now_ms + approach_ms)
-    job = Job(EVENT, ms(now_ms), Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, False)
+    job = Job(EVENT, ms(now_ms), Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, underway)
     ledger.note(ms(now_ms), robot, job, Fence(1, Timing()))
 
 
@@ -95,6 +102,38 @@ def test_robot_under_way_keeps_its_place_even_if_another_order_meets_one_more_de
         assert order(ledger, 10)[:3] == [1, 2, 3]
         told(ledger, count + 1, 1000, 2500, 6900)
         assert order(ledger, 1010)[:2] == first
+
+
+def test_a_near_robot_keeps_its_slot_when_those_who_set_out_earlier_from_farther_away_have_set_out() -> None:
+    ledger = Ledger(99, Timing(), 0, 0)
+    for robot in range(1, COUNT + 1):
+        told(ledger, robot, 0, 4000 if robot in (6, 8, 10) else 500, 30000 + 1000 * robot)
+    by_deadline = order(ledger, 10)
+    starts = {robot: booking.start for robot, booking in ledger.bookings.items()}
+    for now_ms in range(100, 8000, 100):
+        assert order(ledger, now_ms) == by_deadline
+    assert {robot: booking.start for robot, booking in ledger.bookings.items()} == starts
+
+
+def test_robots_that_ask_at_once_may_all_go_before_the_one_that_was_heard_first() -> None:
+    ledger = Ledger(99, Timing(), 0, 0)
+    count = Timing().schedule.bypass_max + 5
+    for robot in range(1, count + 1):
+        told(ledger, robot, robot, 500, 100_000 - 1000 * robot)
+    first = order(ledger, 100)
+    assert first == sorted(first, reverse=True)
+    for robot in first[:-2]:
+        ledger.bookings[robot].inside = True
+        ledger.finish(robot, 0, entered=True)
+        assert order(ledger, 200) == [each for each in first if each in ledger.bookings]
+
+
+def test_a_job_overtaken_for_too_long_holds_up_no_robot_under_way_before_it_can_be_there() -> None:
+    ledger = Ledger(99, Timing(), 0, 0)
+    told(ledger, 1, 0, 20_000, 30_000)
+    told(ledger, 2, 0, 1000, 30_000, underway=True)
+    ledger.bookings[1].bypassed = Timing().schedule.bypass_max
+    assert order(ledger, 10) == [2, 1]
 
 
 def test_slots_of_a_crowd_lie_on_the_grid_a_headway_apart() -> None:

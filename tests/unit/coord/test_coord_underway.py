@@ -66,6 +66,13 @@ def test_a_repeated_job_does_not_bring_its_owner_nearer() -> None:
     assert ledger.bookings[3].approach == 1200 * MS
 
 
+def test_a_repeated_job_of_a_robot_that_waits_does_not_bring_it_nearer() -> None:
+    ledger = crowd()
+    for now_ms in (2100, 4100):  # a release that is past is told as one of now
+        assert not told(ledger, 3, now_ms, 0, 1000)
+        assert ledger.bookings[3].approach == 2000 * MS
+
+
 def test_robot_no_longer_under_way_is_ordered_by_deadline_again() -> None:
     ledger = crowd()
     told(ledger, 3, 20, 2000, 1000, underway=True)
