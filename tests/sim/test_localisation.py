@@ -57,6 +57,33 @@ def test_a_robot_among_four_beacons_never_drives_by_its_mirror_image(tmp_path, s
     assert max(off_m) < 0.05
 
 
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_robot_says_where_it_is_as_soon_as_it_knows(tmp_path, seed):
+    (tmp_path / "mirror.rmr").write_text(PROGRAM.replace("start(R).\n", "", 1))  # no robot sets out
+    text = LAB.format(beacons=[list(each) for each in CORNERS], dropout=0.95)
+    lab = tmp_path / "lab.yaml"
+    text = text.replace("at: [0.4, 0.5]", "box: [0.2, 0.2, 0.9, 0.9]")
+    lab.write_text(text.replace("robots: [", "robots: [{id: 2, pose: [0.4, 1.6, 0deg]}, "))
+    simulation = load(lab, Options()).simulation(seed)
+    located = {}
+    heard = {}
+
+    def look(now):
+        for robot in simulation.robots:
+            if robot.node.driver.localiser.pose is not None:
+                located.setdefault(robot.robot, now)
+            for peer, known in robot.node.peers.known.items():
+                if known.hello is not None:
+                    heard.setdefault(peer, now)
+        if len(heard) == 2:
+            simulation.stop()
+
+    simulation.observers.append(look)
+    simulation.run()
+    assert max(located.values()) > seconds(0.5), "later than the first hello is due"
+    assert all(heard[robot] < located[robot] + seconds(0.1) for robot in (1, 2))
+
+
 def test_beacons_in_opposite_corners_alone_are_refused_with_two_places_that_look_alike(tmp_path):
     with pytest.raises(LabError, match=r"localisation.beacons: a robot at .* is as far from both beacons as one at"):
         loaded(tmp_path, DIAGONAL)

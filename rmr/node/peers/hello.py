@@ -40,6 +40,11 @@ class HelloClock:
         self.due = now + FIRST_AFTER + round(self._rng.random() * self._profile.first_spread)
         self._eager_until = now + EAGER_FOR
 
+    def begin(self, now: Instant) -> None:
+        """Plan the first hello of a robot that knows from now on where it is, and had none to say when it was due."""
+        self.due = now + round(self._rng.random() * self._profile.change_spread)
+        self._eager_until = now + EAGER_FOR
+
     def soon(self, now: Instant) -> None:
         """Something that matters to the others has changed."""
         self.due = min(self.due, now + round(self._rng.random() * self._profile.change_spread))

@@ -10,13 +10,14 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import Final, final
 
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.node import payloads
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.crossing.phases import Slotted
+from rmr.node.driver import Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
 from rmr.node.parts import Radio
@@ -105,13 +106,20 @@ class Presence:
         if self._hellos is not None and self._driver is not None:
             if self._peers.changes(now):  # a robot has died: no hello tells that
                 self._update_parked(now)
+            if self._hellos.due == NEVER and self._driver.localiser.pose is not None:
+                self._hellos.begin(now)
             self._hellos.poll(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
-        """Say hello if that is due."""
-        if self._hellos is not None and now >= self._hellos.due:
-            self._plan_next(now, self._hellos)
-            self._say_hello(now, parked=self._hellos.parked)
+        """Say hello if that is due; a robot that does not know where it is says it as soon as it does."""
+        if self._hellos is None or self._driver is None or now < self._hellos.due:
+            return
+        pose = self._driver.localiser.pose
+        if pose is None:
+            self._hellos.due = NEVER
+            return
+        self._plan_next(now, self._hellos)
+        self._say_hello(now, self._driver, pose, parked=self._hellos.parked)
 
     def _plan_next(self, now: Instant, hellos: HelloClock) -> None:
         crossing = self._crossings.current
@@ -128,11 +136,7 @@ class Presence:
         crossing = self._crossings.current
         return self._state.finish.holds if crossing is None else crossing.leaves_after(now + STAYS + STAYS_SPARE)
 
-    def _say_hello(self, now: Instant, *, parked: bool) -> None:
-        driver = self._driver
-        pose = None if driver is None else driver.localiser.pose
-        if driver is None or pose is None:
-            return
+    def _say_hello(self, now: Instant, driver: Driver, pose: Pose, *, parked: bool) -> None:
         stays = parked and self._stays(now)
         if stays:
             # A promise: those who heard it count on it for STAYS, so the wheels are held a little longer than that.

@@ -70,6 +70,18 @@ def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() ->
     assert clock.due > begun + seconds(0.44)
 
 
+def test_a_robot_that_had_no_place_to_tell_when_its_first_hello_was_due_begins_when_it_has_one() -> None:
+    clock = HelloClock(Random(1), profile_of(6))
+    clock.start(seconds(3))
+    clock.begin(seconds(5))
+    told = []
+    while clock.due < seconds(5) + EAGER_FOR:
+        told.append(in_seconds(clock.due - seconds(5)))
+        clock.rewind(clock.due)
+    assert told[0] < 0.04
+    assert len(told) >= 4
+
+
 def test_a_robot_that_begins_to_drive_back_says_so_at_once() -> None:
     clock = HelloClock(Random(1), profile_of(6))
     clock.poll(seconds(3), parked=False)
