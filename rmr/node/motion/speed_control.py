@@ -205,13 +205,15 @@ class SpeedControl:
         if twist.v == 0.0 or self._switches.off(SHIELD):
             return twist
         # A robot that brakes drives along the new arc at the speed that it still has, else it stays on the old one.
-        arc = self.wheels.braking(self.scene.now, twist)
+        now = self.scene.now
+        arc = self.wheels.braking(now, twist)
         share = self._share(twist if arc is None else arc, walls=walls)
         if share >= 1.0:
             return twist
         self._switches.count(SHIELD)
         self.law.limited_by = SHIELD
-        return Twist(share * twist.v, share * twist.w) if arc is None else STILL
+        slower = Twist(share * twist.v, share * twist.w)
+        return STILL if arc is not None or self.wheels.braking(now, slower) is not None else slower
 
     def _share(self, twist: Twist, *, walls: bool) -> float:
         """Return the share of `twist` that the shield permits."""

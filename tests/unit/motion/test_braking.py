@@ -16,6 +16,8 @@ from rmr.node.motion.braking import Wheels
 from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import make_route
+from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.ports import SeenBody
 
@@ -54,6 +56,18 @@ def test_the_commands_of_the_reference_robot_are_left_as_they_are():
     wheels = wheels_at(0.2, 0.5, RobotShape())
     for command in (Twist(0.1, 0.3), STILL, Twist(0.0, -2.0), Twist(-0.08, 0.0), Twist(0.2, 0.1)):
         assert wheels.command(seconds(4), command) is command
+
+
+@pytest.mark.parametrize("v", [1.0, 0.9])
+def test_a_fast_robot_that_is_to_leave_its_arc_for_one_that_leads_to_a_wall_brakes_on_the_arc_on_which_it_is(v):
+    arena = Arena(10.0, 4.0, 0.05, shape=FAST)
+    control = SpeedControl(arena, 1, RuleSwitches())
+    control.wheels = wheels_at(0.9, -2.0)
+    control.perceive(seconds(4), Pose(5.0, 3.6, math.pi / 4), ())
+    turning = Twist(0.9, -1.8)
+    assert control.slowed(turning) == turning
+    assert control.slowed(Twist(v, 0.0)) == STILL, "0.6 m/s, from which it stands before the wall, come too late"
+    assert control.wheels.command(seconds(4), STILL).w == pytest.approx(-1.8)
 
 
 @pytest.mark.parametrize("speed", [0.4, 1.0, 2.0])
