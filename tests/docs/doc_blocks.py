@@ -2,13 +2,15 @@
 
 A block with a file name behind its language (```` ```rmr hello.rmr ````) writes that file; a ``console`` block holds
 commands (``$ rmr eval ...``) and what they print. The blocks of one page share a folder, in the order of the page. A
-line ``...`` of an output stands for any lines. With RMR_REWRITE=1 outputs that do not agree are written anew.
+line ``...`` of an output stands for any lines. With RMR_REWRITE=1 outputs that do not agree are written anew, and what
+``...`` left out stays left out.
 """
 
 import re
 import shlex
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from io import StringIO
 from pathlib import Path
 
@@ -106,3 +108,30 @@ def agrees(shown: str, output: str) -> bool:
         r"(?:.*\n)*?" if line.strip() == "..." else re.escape(line) for line in shown.splitlines(keepends=True)
     )
     return re.fullmatch(pattern, output) is not None
+
+
+GAP = "...\n"
+
+
+def written_anew(shown: str, output: str) -> str:
+    """Return what a page shows of a new `output`: the lines most like those that it showed, `...` between them."""
+    parts = [part.splitlines(keepends=True) for part in re.split(r"^\.\.\.\n", shown, flags=re.MULTILINE)]
+    lines = output.splitlines(keepends=True)
+    at = len(parts[0])
+    found = ["".join(lines[:at])]
+    for part in parts[1:-1]:
+        starts = range(at, max(at, len(lines) - len(part)) + 1)
+        start = max(starts, key=lambda k: sum(map(_likeness, part, lines[k:])))
+        at = start + len(part)
+        found.append("".join(lines[start:at]))
+    if len(parts) > 1:
+        found.append("".join(lines[max(at, len(lines) - len(parts[-1])) :]))
+    new = GAP.join(found)
+    return new if len(parts) > 1 and agrees(new, output) else output
+
+
+def _likeness(one: str, other: str) -> float:
+    """Return how much two lines are alike, numbers aside and as they are: 0 to 2."""
+    return SequenceMatcher(None, *(re.sub(r"\d+", "0", line) for line in (one, other))).ratio() + SequenceMatcher(
+        None, one, other
+    ).ratio()
