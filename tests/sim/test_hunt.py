@@ -192,7 +192,7 @@ def search_of(loaded, runs, *, seed=1, properties=("contact",), methods=METHOD_N
     )
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 4))])
 def test_hunt_finds_a_planted_defect_and_reduces_it_to_a_minimal_list(tmp_path, seed):
     loaded = load(crossing(tmp_path), Options(without=PLANTED))
     assert tried(loaded, Trial(seed, (), ("contact", "unfinished"))).broken is None
@@ -247,12 +247,12 @@ def hunted(folder, *options, name="run"):
 
 @pytest.mark.usefixtures("planted")
 def test_finding_is_printed_as_lines_of_a_lab_file_and_its_file_repeats_it_exactly(tmp_path, capsys):
-    code, run = hunted(tmp_path, "--runs", "40", "--seed", "2", "--jobs", "1")
+    code, run = hunted(tmp_path, "--runs", "40", "--seed", "4", "--jobs", "1")
     assert code == 1
     out, err = capsys.readouterr()
     (found,) = json.loads((run / "hunt.json").read_text())["found"]
     first, second, *lines, last = out.splitlines()
-    assert first == f"1. contact at {found['t_s']:.3f} s of seed 2: {found['words']}"
+    assert first == f"1. contact at {found['t_s']:.3f} s of seed 4: {found['words']}"
     assert f"found after {found['runs']} runs" in second
     assert lines == [
         f"duration: {found['duration_s']:g}s",
@@ -262,7 +262,7 @@ def test_finding_is_printed_as_lines_of_a_lab_file_and_its_file_repeats_it_exact
     assert last == f"   to repeat it: rmr sim {run / 'found-1.yaml'} --strict"
     assert "hunting for 40 runs" in err
     assert "1 found" in err
-    (tmp_path / "lab.yaml").write_text(CROSS.replace("duration: 30s\n", "seed: 2\n") + "\n".join(lines))
+    (tmp_path / "lab.yaml").write_text(CROSS.replace("duration: 30s\n", "seed: 4\n") + "\n".join(lines))
     for written in (tmp_path / "lab.yaml", run / "found-1.yaml"):
         again = load(written, Options(without=PLANTED)).simulation()
         again.run()
