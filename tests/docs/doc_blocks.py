@@ -132,6 +132,7 @@ def written_anew(shown: str, output: str) -> str:
 
 def _likeness(one: str, other: str) -> float:
     """Return how much two lines are alike, numbers aside and as they are: 0 to 2."""
-    return SequenceMatcher(None, *(re.sub(r"\d+", "0", line) for line in (one, other))).ratio() + SequenceMatcher(
-        None, one, other
-    ).ratio()
+    return (
+        SequenceMatcher(None, *(re.sub(r"\d+", "0", line) for line in (one, other))).ratio()
+        + SequenceMatcher(None, one, other).ratio()
+    )

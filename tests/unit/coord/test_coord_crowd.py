@@ -82,9 +82,10 @@ def told(
     ledger: Ledger, robot: int, now_ms: int, approach_ms: int, deadline_ms: int, *, underway: bool = False
 ) -> None:
     """Let `robot` tell its job at `now_ms`, when it needs `approach_ms` to the gate."""
-    release = ms(now_ms + approach_ms)
-    job = Job(EVENT, ms(now_ms), Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, underway)
-    ledger.note(ms(now_ms), robot, job, Fence(1, Timing()))
+    now = ms(now_ms)
+    release = now + ms(approach_ms)
+    job = Job(EVENT, now, Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, underway)
+    ledger.note(now, robot, job, Fence(1, Timing()))
 
 
 def order(ledger: Ledger, now_ms: int) -> list[int]:
