@@ -19,6 +19,8 @@ ROUNDING_M: Final = 1e-9
 """Margin of the bounding-box test, metres: an upper bound of the rounding error of a distance."""
 BRAKE: Final = 0.8
 """Greatest acceleration and deceleration of the wheels, m/s^2: the world's bodies have it, the robots count on it."""
+TURN_ACCELERATION: Final = 12.0
+"""Greatest change of the turn rate, rad/s^2, likewise."""
 
 
 @dataclass(frozen=True, slots=True)

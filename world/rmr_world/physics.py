@@ -15,7 +15,7 @@ import math
 from operator import attrgetter
 from typing import Final
 
-from rmr.base.arena import BRAKE
+from rmr.base.arena import BRAKE, TURN_ACCELERATION
 from rmr.base.geometry import Pose, Twist
 from rmr.base.streams import stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
@@ -25,8 +25,6 @@ from rmr_world.lab import Lab
 from rmr_world.robot_body import COMMAND_AGE_MAX, STEP_S, SUBSTEPS, WATCHDOG, RobotBody, moved, roll
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors, pulse_phases
 
-TURN_ACCELERATION: Final = 12.0
-"""Bound of the body's angular acceleration, rad/s^2."""
 SLIP_SIGMA: Final = 0.01
 """Standard deviation of the slip of the speed in one tick, as a share of the commanded speed."""
 TURN_SLIP_SIGMA: Final = 0.02

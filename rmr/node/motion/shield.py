@@ -15,6 +15,7 @@ from rmr.base.arena import BRAKE, Arena
 from rmr.base.geometry import Pose, Twist, hypot
 from rmr.base.motion_scale import HEADING_ERROR, LAG_S
 from rmr.base.time import Duration, in_seconds
+from rmr.node.motion.braking import Lead
 
 SIGMAS: Final = 3.0
 """The margin between two hulls, or a hull and a wall, in standard deviations of their distance."""
@@ -27,6 +28,8 @@ slope from here on: HEADING_ERROR is left. The reference robot stands within thi
 STEP_M: Final = 0.002
 """Least step along a way. Between two points that are farther than D from another one, the way is nearer by at most
 STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
+LEAD_STEPS: Final = 6
+"""Pieces in which the way to another arc is judged."""
 
 
 @final
@@ -71,27 +74,30 @@ class Shield:
         """Return the disc of a robot that stays at (x, y) in the own frame, metres."""
         return TakenDisc(x, y, self._touch + SIGMAS * sigma_m, stands=True)
 
-    def past(self, twist: Twist, others: list[TakenDisc]) -> float:
-        """Return the greatest share of `twist` from which the robot stands before each of `others`; 0 to 1."""
+    def past(self, twist: Twist, others: list[TakenDisc], lead: Lead | None = None) -> float:
+        """Return the greatest share of `twist` from which the robot stands before each of `others`; 0 to 1.
+
+        `lead` leads to the arc of `twist`; None: the robot is on it.
+        """
         speed = abs(twist.v)
         if speed == 0.0 or not others:
             return 1.0
         way = self._way(speed)
         free = way
         for other in others:
-            free = _way_past(twist, other, free)
+            free = _way_past(twist, lead, other, free)
         return 1.0 if free >= way else self._speed_on(free) / speed
 
-    def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float) -> float:
+    def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float, lead: Lead | None = None) -> float:
         """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.
 
-        `sigma_m`: standard deviation of the own position.
+        `sigma_m`: standard deviation of the own position. `lead` as in `past`.
         """
         speed = abs(twist.v)
         if speed == 0.0:
             return 1.0
         way = self._way(speed)
-        free = _way_within(twist, pose, arena, 0.5 * self._touch + SIGMAS * sigma_m, way)
+        free = _way_within(twist, lead, pose, arena, 0.5 * self._touch + SIGMAS * sigma_m, way)
         return 1.0 if free >= way else self._speed_on(free) / speed
 
     def ample(self, twist: Twist, sigma_m: float) -> float:
@@ -108,8 +114,8 @@ class Shield:
         return brake * (math.sqrt(self._lag_s * self._lag_s + 2.0 * way / brake) - self._lag_s)
 
 
-def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
-    """Return how much of `way`, metres along the arc of `twist`, keeps clear of `other`."""
+def _way_past(twist: Twist, lead: Lead | None, other: TakenDisc, way: float) -> float:
+    """Return how much of `way`, metres along `lead` and the arc of `twist`, keeps clear of `other`."""
     away = hypot(other.x, other.y)
     keep = other.keep
     if away - keep >= way * (1.0 + SLOPE):
@@ -124,8 +130,11 @@ def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
     room = away - floor
     while s < way:
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
-        x = forward * _along(bend, ahead)
-        y = forward * _aside(bend, ahead)
+        if lead is None:
+            x = forward * _along(bend, ahead)
+            y = forward * _aside(bend, ahead)
+        else:
+            x, y = on_the_way(lead, bend, ahead)
         room = hypot(other.x - x, other.y - y) - floor - _astray(ahead, leads_away)
         if room < 0.0:
             return s
@@ -133,8 +142,8 @@ def _way_past(twist: Twist, other: TakenDisc, way: float) -> float:
     return way
 
 
-def _way_within(twist: Twist, pose: Pose, arena: Arena, keep: float, way: float) -> float:
-    """Return how much of `way`, metres along the arc of `twist` from `pose`, keeps the centre `keep` off each wall."""
+def _way_within(twist: Twist, lead: Lead | None, pose: Pose, arena: Arena, keep: float, way: float) -> float:
+    """Return how much of `way` keeps the centre `keep` off walls: along `lead` and the arc of `twist` from `pose`."""
     away = arena.clearance(pose.x, pose.y)
     if away - keep >= way * (1.0 + SLOPE):
         return way
@@ -148,8 +157,11 @@ def _way_within(twist: Twist, pose: Pose, arena: Arena, keep: float, way: float)
     room = away - floor
     while s < way:
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
-        x = _along(bend, ahead)
-        y = _aside(bend, ahead)
+        if lead is None:
+            x = _along(bend, ahead)
+            y = _aside(bend, ahead)
+        else:
+            x, y = on_the_way(lead, bend, ahead)
         clear = arena.clearance(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos)
         room = clear - floor - _astray(ahead, leads_away)
         if room < 0.0:
@@ -163,6 +175,28 @@ def _astray(s: float, leads_away: bool) -> float:
     if leads_away or s <= SLOPE_WAY_M:
         return SLOPE * s
     return SLOPE * SLOPE_WAY_M + HEADING_ERROR * (s - SLOPE_WAY_M)
+
+
+def on_the_way(lead: Lead, bend: float, s: float) -> tuple[float, float]:
+    """Return the place after `s` metres on `lead`, then on an arc of the curvature `bend`: ahead, to the left, metres.
+
+    The lead is taken in `LEAD_STEPS` pieces: of a turn by 1 rad the place is off by less than 1/400 of the way.
+    """
+    part = min(s, lead.way)
+    change = (bend - lead.bend) / lead.way if lead.way > 0.0 else 0.0
+    step = part / LEAD_STEPS
+    x = y = 0.0
+    for k in range(LEAD_STEPS):
+        at = (k + 0.5) * step
+        heading = at * (lead.bend + 0.5 * change * at)
+        x += math.cos(heading) * step
+        y += math.sin(heading) * step
+    heading = part * (lead.bend + 0.5 * change * part)
+    along = _along(bend, s - part)
+    aside = _aside(bend, s - part)
+    cos = math.cos(heading)
+    sin = math.sin(heading)
+    return x + cos * along - sin * aside, y + sin * along + cos * aside
 
 
 def _along(bend: float, s: float) -> float:

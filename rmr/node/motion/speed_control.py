@@ -11,8 +11,9 @@ from typing import Final
 from rmr.base.arena import ROUNDING_M, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
+from rmr.node.motion.avoid import STILL_MPS
 from rmr.node.motion.body_memory import BodyMemory
-from rmr.node.motion.braking import Wheels
+from rmr.node.motion.braking import Lead, Wheels
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
@@ -181,7 +182,8 @@ class SpeedControl:
 
     def leads_to_wall(self, twist: Twist) -> bool:
         """Return whether a wall is what the shield slows `twist` for."""
-        return self._before_walls(twist, self.scene.pose) < 1.0
+        lead = self.wheels.lead(self.scene.now, twist)
+        return self._before_walls(twist, self.scene.pose, lead) < 1.0
 
     def off_wall(self, pose: Pose, ahead_m: float = REVERSE_POLL_M) -> float:
         """Return to which side a robot that cannot drive on for a wall turns, so that it comes to drive along it.
@@ -207,7 +209,8 @@ class SpeedControl:
         # A robot that brakes drives along the new arc at the speed that it still has, else it stays on the old one.
         now = self.scene.now
         arc = self.wheels.braking(now, twist)
-        share = self._share(twist if arc is None else arc, walls=walls)
+        judged = twist if arc is None else arc
+        share = self._share(judged, self.wheels.lead(now, judged), walls=walls)
         if share >= 1.0:
             return twist
         self._switches.count(SHIELD)
@@ -215,14 +218,14 @@ class SpeedControl:
         slower = Twist(share * twist.v, share * twist.w)
         return STILL if arc is not None or self.wheels.braking(now, slower) is not None else slower
 
-    def _share(self, twist: Twist, *, walls: bool) -> float:
-        """Return the share of `twist` that the shield permits."""
+    def _share(self, twist: Twist, lead: Lead | None, *, walls: bool) -> float:
+        """Return the share of `twist`, to whose arc `lead` leads, that the shield permits."""
         pose = self.scene.pose
         shield = self._shield
-        share = self._before_walls(twist, pose) if walls else 1.0
-        return min(share, shield.past(twist, self._standing(pose)))
+        share = self._before_walls(twist, pose, lead) if walls else 1.0
+        return min(share, shield.past(twist, self._standing(pose), lead))
 
-    def _before_walls(self, twist: Twist, pose: Pose) -> float:
+    def _before_walls(self, twist: Twist, pose: Pose, lead: Lead | None) -> float:
         """Return the share of `twist` from which the robot at `pose` stands before each wall.
 
         The clearance changes by no more than the way between two places: while that of a place before is ample, less
@@ -236,13 +239,15 @@ class SpeedControl:
         self._measured_y = pose.y
         if self._clearance >= ample:
             return 1.0
-        return self._shield.within(twist, pose, self.arena, self.sigma_m)
+        return self._shield.within(twist, pose, self.arena, self.sigma_m, lead)
 
     def _standing(self, pose: Pose) -> list[TakenDisc]:
         """Return the robots near that stand: those in view as they are seen, the others as they were heard."""
         shield = self._shield
         seen = self._seen[: self.scene.remembered_from]
-        standing = [shield.parked(body.x, body.y, VIEW_SIGMA_M) for body in seen if body.vx == 0.0 and body.vy == 0.0]
+        standing = [
+            shield.parked(body.x, body.y, VIEW_SIGMA_M) for body in seen if hypot(body.vx, body.vy) <= STILL_MPS
+        ]
         # The others locate themselves by the same beacons: their estimates are taken to be as good as the own, and
         # better where they have stood while this robot drove.
         as_good = math.sqrt(2.0) * self.sigma_m

@@ -7,9 +7,9 @@ import math
 
 import pytest
 
-from rmr.base.arena import Arena, RobotShape
+from rmr.base.arena import BRAKE, TURN_ACCELERATION, Arena, RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist
-from rmr.base.motion_scale import PLANNED_BRAKE, REACTION_BRAKE, scale_of
+from rmr.base.motion_scale import HEADING_ERROR, PLANNED_BRAKE, REACTION_BRAKE, scale_of
 from rmr.base.time import seconds
 from rmr.node.motion.avoid import STOP_GAP_M, closing_limit
 from rmr.node.motion.braking import Wheels
@@ -17,6 +17,7 @@ from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import make_route
 from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.shield import on_the_way
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.ports import SeenBody
@@ -49,13 +50,44 @@ def test_a_fast_robot_that_is_to_stand_or_to_turn_on_the_spot_brakes_on_its_arc(
 
 def test_no_arc_is_taken_faster_than_the_robot_turns():
     wheels = wheels_at(1.0, 0.0)
-    assert wheels.command(seconds(4), Twist(0.1, 0.9)).w == math.pi
+    rates = [wheels.command(seconds(4 + tick / 60), Twist(0.1, 0.9)).w for tick in range(60)]
+    assert 1.0 < max(rates) <= math.pi
 
 
 def test_the_commands_of_the_reference_robot_are_left_as_they_are():
     wheels = wheels_at(0.2, 0.5, RobotShape())
     for command in (Twist(0.1, 0.3), STILL, Twist(0.0, -2.0), Twist(-0.08, 0.0), Twist(0.2, 0.1)):
         assert wheels.command(seconds(4), command) is command
+
+
+def driven(wheels, twist, *, until_s):
+    """Drive from 4 s on with commands of `twist`, by wheels with the bounds of the world; return the way as places."""
+    v, rate, x, y, theta = 1.0, -2.0, 0.0, 0.0, 0.0
+    way = []
+    for tick in range(round(until_s * 60)):
+        command = wheels.command(seconds(4 + tick / 60), twist)
+        rate += min(0.2, max(-0.2, command.w - rate))
+        theta += rate / 60
+        v = min(v + BRAKE / 60, max(v - BRAKE / 60, command.v))
+        x, y = x + v * math.cos(theta) / 60, y + v * math.sin(theta) / 60
+        way.append((x, y))
+        if (tick + 1) / 60 >= 0.1 and twist.v > 0.0:
+            twist = STILL  # from now on it brakes
+    return way
+
+
+@pytest.mark.parametrize("w", [2.0, 0.0, -3.0])
+def test_a_fast_robot_that_changes_to_another_arc_drives_and_brakes_on_the_way_that_is_judged(w):
+    wheels = wheels_at(1.0, -2.0)
+    twist = Twist(1.0, w)
+    lead = wheels.lead(seconds(4), twist)
+    assert lead == (-2.0, pytest.approx(abs(w + 2.0) / TURN_ACCELERATION))
+    length, last = 0.0, (0.0, 0.0)
+    for place in driven(wheels, twist, until_s=1.4):
+        length += math.dist(place, last)
+        last = place
+        assert math.dist(place, on_the_way(lead, w, length)) < 0.005 + HEADING_ERROR * length, length
+    assert length > 0.6
 
 
 @pytest.mark.parametrize("v", [1.0, 0.9])
