@@ -32,10 +32,11 @@ class Lead(NamedTuple):
 class Wheels:
     """The wheels of one robot."""
 
-    __slots__ = ("_at", "_bend", "_command", "_driven", "_lead", "_turn", "_v")
+    __slots__ = ("_at", "_bend", "_command", "_driven", "_fast", "_lead", "_turn", "_v")
 
     def __init__(self, shape: RobotShape) -> None:
         self._turn: Final = shape.turn
+        self._fast: Final = shape.speed > REFERENCE.speed
         self._at: Instant = 0
         self._v = 0.0
         """The speed at `_at`, m/s."""
@@ -55,7 +56,7 @@ class Wheels:
 
     def lead(self, now: Instant, twist: Twist) -> Lead | None:
         """Return the way of a fast robot to the arc of `twist`, m/s and rad/s; None: of one that is not fast."""
-        if self.speed(now) <= REFERENCE.speed or twist.v <= 0.0:
+        if not self._fast or twist.v <= 0.0 or self.speed(now) <= REFERENCE.speed:
             return None
         bend = self._curvature(self._way(now))
         # At the speed v the turn rate changes by v^2 times the curvature's change a metre.
@@ -63,6 +64,8 @@ class Wheels:
 
     def braking(self, now: Instant, twist: Twist) -> Twist | None:
         """Return the motion along the arc of `twist` at the present speed of a robot that brakes; None: it does not."""
+        if not self._fast:
+            return None
         v = self.speed(now)
         if v <= REFERENCE.speed or twist.v >= v:
             return None
@@ -71,6 +74,8 @@ class Wheels:
 
     def command(self, now: Instant, twist: Twist) -> Twist:
         """Take in the last command of a tick; return it, with the turn rate that the way of a fast robot takes."""
+        if not self._fast:
+            return twist
         v = self.speed(now)
         driven = self._way(now)
         arc = self.braking(now, twist) or twist
