@@ -7,7 +7,7 @@ takes at the speed which it has, whether it brakes or not. One that is to stand,
 way that was judged last.
 
 Another turn rate takes time (`TURN_ACCELERATION`): from a left turn to a right one of 2 rad/s a third of a second, in
-which a robot of 1 m/s drives 33 cm. So a new arc begins with a `Lead`, along which the curvature changes evenly (a
+which a robot of 1 m/s drives 33 cm. So a new arc begins with a `LeadIn`, along which the curvature changes evenly (a
 clothoid). It is as long as the wheels need at the commanded speed, and the way is the same at any lower one.
 
 Up to the speed of the reference robot a command is left as it is: the way to stand is 5 cm, which margins cover.
@@ -20,7 +20,7 @@ from rmr.base.geometry import Twist
 from rmr.base.time import TICK_S, Instant, in_seconds
 
 
-class Lead(NamedTuple):
+class LeadIn(NamedTuple):
     """The way on which a robot comes from its present arc to another one: the curvature changes evenly along it."""
 
     bend: float
@@ -54,13 +54,13 @@ class Wheels:
         change = BRAKE * in_seconds(now - self._at)
         return min(max(self._command, self._v - change), self._v + change)
 
-    def lead(self, now: Instant, twist: Twist) -> Lead | None:
+    def lead(self, now: Instant, twist: Twist) -> LeadIn | None:
         """Return the way of a fast robot to the arc of `twist`, m/s and rad/s; None: of one that is not fast."""
         if not self._fast or twist.v <= 0.0 or self.speed(now) <= REFERENCE.speed:
             return None
         bend = self._curvature(self._way(now))
         # At the speed v the turn rate changes by v^2 times the curvature's change a metre.
-        return Lead(bend, abs(twist.w / twist.v - bend) * twist.v * twist.v / TURN_ACCELERATION)
+        return LeadIn(bend, abs(twist.w / twist.v - bend) * twist.v * twist.v / TURN_ACCELERATION)
 
     def braking(self, now: Instant, twist: Twist) -> Twist | None:
         """Return the motion along the arc of `twist` at the present speed of a robot that brakes; None: it does not."""
@@ -104,5 +104,5 @@ class Wheels:
         return lead.bend + (self._bend - lead.bend) * driven / lead.way
 
 
-_ON_ARC: Final = Lead(0.0, 0.0)
+_ON_ARC: Final = LeadIn(0.0, 0.0)
 """The way to an arc on which the robot is."""

@@ -15,7 +15,7 @@ from rmr.base.arena import BRAKE, Arena
 from rmr.base.geometry import Pose, Twist, hypot
 from rmr.base.motion_scale import HEADING_ERROR, LAG_S
 from rmr.base.time import Duration, in_seconds
-from rmr.node.motion.braking import Lead
+from rmr.node.motion.braking import LeadIn
 
 SIGMAS: Final = 3.0
 """The margin between two hulls, or a hull and a wall, in standard deviations of their distance."""
@@ -74,7 +74,7 @@ class Shield:
         """Return the disc of a robot that stays at (x, y) in the own frame, metres."""
         return TakenDisc(x, y, self._touch + SIGMAS * sigma_m, stands=True)
 
-    def past(self, twist: Twist, others: list[TakenDisc], lead: Lead | None = None) -> float:
+    def past(self, twist: Twist, others: list[TakenDisc], lead: LeadIn | None = None) -> float:
         """Return the greatest share of `twist` from which the robot stands before each of `others`; 0 to 1.
 
         `lead` leads to the arc of `twist`; None: the robot is on it.
@@ -88,7 +88,7 @@ class Shield:
             free = _way_past(twist, lead, other, free)
         return 1.0 if free >= way else self._speed_on(free) / speed
 
-    def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float, lead: Lead | None = None) -> float:
+    def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float, lead: LeadIn | None = None) -> float:
         """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.
 
         `sigma_m`: standard deviation of the own position. `lead` as in `past`.
@@ -114,7 +114,7 @@ class Shield:
         return brake * (math.sqrt(self._lag_s * self._lag_s + 2.0 * way / brake) - self._lag_s)
 
 
-def _way_past(twist: Twist, lead: Lead | None, other: TakenDisc, way: float) -> float:
+def _way_past(twist: Twist, lead: LeadIn | None, other: TakenDisc, way: float) -> float:
     """Return how much of `way`, metres along `lead` and the arc of `twist`, keeps clear of `other`."""
     away = hypot(other.x, other.y)
     keep = other.keep
@@ -142,7 +142,7 @@ def _way_past(twist: Twist, lead: Lead | None, other: TakenDisc, way: float) -> 
     return way
 
 
-def _way_within(twist: Twist, lead: Lead | None, pose: Pose, arena: Arena, keep: float, way: float) -> float:
+def _way_within(twist: Twist, lead: LeadIn | None, pose: Pose, arena: Arena, keep: float, way: float) -> float:
     """Return how much of `way` keeps the centre `keep` off walls: along `lead` and the arc of `twist` from `pose`."""
     away = arena.clearance(pose.x, pose.y)
     if away - keep >= way * (1.0 + SLOPE):
@@ -177,7 +177,7 @@ def _astray(s: float, leads_away: bool) -> float:
     return SLOPE * SLOPE_WAY_M + HEADING_ERROR * (s - SLOPE_WAY_M)
 
 
-def on_the_way(lead: Lead, bend: float, s: float) -> tuple[float, float]:
+def on_the_way(lead: LeadIn, bend: float, s: float) -> tuple[float, float]:
     """Return the place after `s` metres on `lead`, then on an arc of the curvature `bend`: ahead, to the left, metres.
 
     The lead is taken in `LEAD_STEPS` pieces: of a turn by 1 rad the place is off by less than 1/400 of the way.

@@ -13,7 +13,7 @@ from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
 from rmr.node.motion.avoid import STILL_MPS
 from rmr.node.motion.body_memory import BodyMemory
-from rmr.node.motion.braking import Lead, Wheels
+from rmr.node.motion.braking import LeadIn, Wheels
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
@@ -218,14 +218,14 @@ class SpeedControl:
         slower = Twist(share * twist.v, share * twist.w)
         return STILL if arc is not None or self.wheels.braking(now, slower) is not None else slower
 
-    def _share(self, twist: Twist, lead: Lead | None, *, walls: bool) -> float:
+    def _share(self, twist: Twist, lead: LeadIn | None, *, walls: bool) -> float:
         """Return the share of `twist`, to whose arc `lead` leads, that the shield permits."""
         pose = self.scene.pose
         shield = self._shield
         share = self._before_walls(twist, pose, lead) if walls else 1.0
         return min(share, shield.past(twist, self._standing(pose), lead))
 
-    def _before_walls(self, twist: Twist, pose: Pose, lead: Lead | None) -> float:
+    def _before_walls(self, twist: Twist, pose: Pose, lead: LeadIn | None) -> float:
         """Return the share of `twist` from which the robot at `pose` stands before each wall.
 
         The clearance changes by no more than the way between two places: while that of a place before is ample, less
