@@ -140,7 +140,9 @@ def _of_one_robot(
     plan = planner.plan(item)
     owners = owners_of(item) if plan is None else [plan.home, *[part.owner for part in plan.remotes]]
     is_bound = projector.is_bound(item, owners)
-    return rewritten(plan, ensemble, found) if plan is not None and is_bound else []
+    if plan is None or not is_bound or found.wrong_within(item.span) or not ensemble.knows(item):
+        return []  # an error has been told, and the rewriting relies on what that was about
+    return rewritten(plan, ensemble, found)
 
 
 def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[ModuleNode, Names, Types]:

@@ -60,6 +60,11 @@ class EnsembleWriter:
         self._known: dict[str, str] = {}
         """Names of the predicates that all ensemble rules share, by purpose."""
 
+    def knows(self, rule: RuleItem) -> bool:
+        """Return whether each fact of a rule has as many arguments as its predicate; if not, an error has said so."""
+        facts = (each for each in walk((rule.body, rule.head)) if isinstance(each, FactNode))
+        return all(len(fact.arguments) == len(self.types.positions.get(fact.name.text, ())) for fact in facts)
+
     def common(self, at: Span) -> list[RuleItem]:
         """Return the rules that all ensemble rules share."""
         rules = []
