@@ -6,7 +6,7 @@ frames all the same and keep its newest schedule and beacons, so that they know 
 """
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from random import Random
 from typing import Final
 
@@ -188,7 +188,7 @@ class Coordination:
             if len(self._groups) >= GROUPS_MAX:
                 self._forget()
             context = Context(group_id, self.robot, self._rng, self._peers, self._timing, self._outbox)
-            context.fence.stands_inside = partial(self._stands_inside, group_id)
+            context.fence.stands_inside = self._stands_inside
             group = self._groups[group_id] = Group(context)
         return group
 

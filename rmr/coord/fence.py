@@ -56,7 +56,7 @@ class Record:
         """Not a beacon but the list of a former leader says that the robot started."""
 
 
-def _unknown(_robot: int) -> bool:
+def _unknown(_group_id: bytes, _robot: int) -> bool:
     """Return that nothing is known of where a robot stands: silence ends what it has announced."""
     return False
 
@@ -67,8 +67,8 @@ class Fence:
     def __init__(self, robot: int, timing: Timing) -> None:
         self._robot = robot
         self._timing = timing
-        self.stands_inside: Callable[[int], bool] = _unknown
-        """Whether a robot stands inside as far as the host knows: its silence then ends nothing."""
+        self.stands_inside: Callable[[bytes, int], bool] = _unknown
+        """Whether a robot stands inside, of a group, as far as the host knows: its silence then ends nothing."""
         self.capacity = 1
         """How many robots may be inside at a time, as the newest own job has it."""
         self._repeated = NOBODY
@@ -140,7 +140,7 @@ class Fence:
 
     def ended(self, beacon: Beacon, now: Instant) -> bool:
         """Return whether silence has ended what `beacon` announces: not while its robot is known to stand inside."""
-        return now >= self.believed(beacon) and not self.stands_inside(beacon.who)
+        return now >= self.believed(beacon) and not self.stands_inside(beacon.group_id, beacon.who)
 
     def judge(self, now: Instant, claim: Claim) -> Verdict:
         """Return whether `claim` may be entered upon now, as far as the records go."""
@@ -194,7 +194,7 @@ class Fence:
     def _bars(self, beacon: Beacon, now: Instant) -> bool:
         """Return whether nobody follows the sender of `beacon` in: it has been silent for a while where it passes."""
         silent = now >= beacon.time + self._timing.liveness.follow
-        return silent and beacon.phase is Phase.IN and self.stands_inside(beacon.who)
+        return silent and beacon.phase is Phase.IN and self.stands_inside(beacon.group_id, beacon.who)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
         if same_direction(claim.direction, other.direction):

@@ -9,7 +9,6 @@ import sys
 import types
 from collections import OrderedDict, deque
 from collections.abc import Callable
-from functools import partial
 from random import Random
 from typing import Any, Final
 
@@ -90,7 +89,7 @@ class Restoration:
             case "range":
                 return range(*contents[1:])
             case "method":
-                return getattr(self._value(contents[1]), contents[2])
+                return _method(self._value(contents[1]), contents[2])
             case "function":
                 return named(contents[1], contents[2])
             case "view":
@@ -100,9 +99,6 @@ class Restoration:
                 if function is None:
                     raise GraphMismatchError(f"it names a function {contents[1]} that the program does not have")
                 return function
-            case "partial":
-                func, args, keywords = [self._value(item) for item in contents[1]]
-                return partial(func, *args, **keywords)
             case _:
                 raise GraphMismatchError(f"it holds an object of the unknown kind {kind!r}")
 
@@ -160,14 +156,27 @@ def _set_attribute(thing: Any, name: str, told: Any, value: Callable[[Any], Any]
 
 
 def named(module: str, name: str) -> Any:
-    """Return what a module of rmr calls so. Raises GraphMismatchError."""
+    """Return the class or function that a module of rmr defines so. Raises GraphMismatchError.
+
+    Not what it imports: by names such as `os.system` a crafted file could have any command executed.
+    """
     if not module.startswith(PACKAGE):
         raise GraphMismatchError(f"it names {module}.{name}, which is not of rmr")
     found: Any = sys.modules.get(module)
     for part in name.split("."):
-        found = getattr(found, part, None)
-    if found is None:
-        raise GraphMismatchError(f"it names {module}.{name}, which is not there")
+        found = getattr(found, part, None) if part in getattr(found, "__dict__", ()) else None
+        if found is None:
+            raise GraphMismatchError(f"it names {module}.{name}, which is not there")
+        if not isinstance(found, (type, types.FunctionType)) or found.__module__ != module:
+            raise GraphMismatchError(f"it names {module}.{name}, which is not defined there")
+    return found
+
+
+def _method(owner: Any, name: str) -> Any:
+    """Return a method bound to `owner`. Raises GraphMismatchError for any other attribute."""
+    found = None if name.startswith("__") else getattr(owner, name, None)
+    if getattr(found, "__self__", None) is not owner or not callable(found):
+        raise GraphMismatchError(f"it names a method {name} of a {type(owner).__qualname__}, which has none")
     return found
 
 

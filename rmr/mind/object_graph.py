@@ -23,7 +23,6 @@ import gc
 import types
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 from random import Random
 from typing import Any, Final
 from zlib import crc32
@@ -224,9 +223,8 @@ _CONTENTS: Final[dict[type, Callable[[GraphWalk, Any], Any]]] = {
     types.BuiltinMethodType: _method,
     types.FunctionType: _function,
     types.MappingProxyType: lambda walk, thing: ["view", walk.value(gc.get_referents(thing)[0])],
-    partial: lambda walk, thing: ["partial", walk.items([thing.func, thing.args, thing.keywords])],
 }
-_FIXED: Final = ("tuple", "record", "frozenset", "range", "method", "function", "partial", "view", "generated", "leaf")
+_FIXED: Final = ("tuple", "record", "frozenset", "range", "method", "function", "view", "generated", "leaf")
 """Kinds whose contents never change."""
 
 

@@ -127,11 +127,11 @@ def test_memory_is_bounded() -> None:
 
 def test_silence_does_not_end_the_passage_of_a_robot_that_stands_inside() -> None:
     made = fence(beacon(2, Phase.IN, 1000))
-    made.stands_inside = lambda robot: robot == 2
+    made.stands_inside = lambda _group, robot: robot == 2
     for direction in (0, 1):
         assert not made.judge(ms(60_000), claim(60_000, direction)).open
     assert made.inside(ms(60_000))
-    made.stands_inside = lambda _robot: False
+    made.stands_inside = lambda _group, _robot: False
     for direction in (0, 1):
         assert made.judge(ms(60_000), claim(60_000, direction)).open
     assert not made.inside(ms(60_000))

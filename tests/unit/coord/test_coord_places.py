@@ -124,7 +124,7 @@ def test_one_that_has_been_silent_keeps_its_place_while_it_stands_there() -> Non
     made.note(beacon(3, Phase.IN, end=2000))
     assert made.judge_places(ms(30_010), late, set()).open
     assert made.judge_places(ms(30_010), late, set()).cautious
-    made.stands_inside = lambda robot: robot in (2, 3)
+    made.stands_inside = lambda _group, robot: robot in (2, 3)
     assert not made.judge_places(ms(30_010), late, set()).open
 
 
