@@ -156,9 +156,9 @@ def test_end_of_a_live_run_is_said(shown, visit):
     page = visit(run.address)
     until(lambda: page.page.locator(".state").inner_text() == "running", "the page follows the run")
     run.pacer.stop()  # to the end at once
-    said = "The run is over: all robots finished after 22.1 s. 6 of 6 deadlines were met."
+    said = "The run is over: all robots finished after 21.6 s. 6 of 6 deadlines were met."
     until(lambda: said in page.page.locator(".notices").inner_text(), "the end")
-    assert page.page.locator(".state").inner_text() == "finished after 22.1 s"
+    assert page.page.locator(".state").inner_text() == "finished after 21.6 s"
     until(lambda: len(page.robots()) == 6, "all robots are still drawn")
 
 

@@ -241,7 +241,7 @@ def test_page_asks_nobody_else_and_runs_under_a_strict_policy(over, visit):
 
 
 def test_run_that_is_over_is_said_to_be(page):
-    assert page.page.locator(".state").inner_text() == "finished after 22.1 s"
+    assert page.page.locator(".state").inner_text() == "finished after 21.6 s"
 
 
 def test_logs_are_filtered_by_robot_level_and_text(page):
