@@ -51,14 +51,15 @@ class Planner:
         last = self._absent(movable)
         movable = [job for job in movable if not job.behind]
         due, underway = self._urgent(movable, many)
-        first = self._merged(due, [self._task(job) for job in underway], fixed)
-        known = {task.robot for task in first}
         by_robot = {job.robot: job for job in movable}
-        slots = {job.robot: self._slot(job) for job in movable}
-        behind = fixed + self._give([by_robot[task.robot] for task in first], first, fixed)
+        first = self._merged(due, [self._task(job) for job in underway], fixed)
+        ahead = [by_robot[task.robot] for task in first]
+        known = {job.robot for job in ahead}
+        slots = [self._slot(job) for job in ahead]
+        behind = fixed + self._give(ahead, first, fixed)
         tasks = self._ordered([job for job in movable if job.robot not in known], behind)
         if self._rules.capacity == 1:
-            tasks = merge(first, [slots[task.robot] for task in first], tasks, fixed, self._rules)
+            tasks = merge(first, slots, tasks, fixed, self._rules)
             behind = fixed
         behind = behind + self._give([by_robot[task.robot] for task in tasks], tasks, behind)
         self._give(last, [self._task(job) for job in last], behind)
@@ -68,7 +69,7 @@ class Planner:
         first = [self._task(job) for job in due]
         if not first or self._rules.capacity > 1:
             return first + underway
-        return merge(first, [self._now] * len(due), underway, fixed, self._rules)
+        return merge(first, [self._slot(job) for job in due], underway, fixed, self._rules)
 
     def _absent(self, movable: list[Booking]) -> list[Booking]:
         """Return the jobs that go behind all others, the one with the earliest retry first."""
@@ -90,8 +91,13 @@ class Planner:
         return due, underway
 
     def _slot(self, job: Booking) -> Instant:
-        """Return the slot for which the robot of a job set out; now, if it stands where others must pass."""
-        return self._now if job.underway or job.start is None else job.start
+        """Return the slot for which the robot of a job set out; now, if it shall go as soon as it can.
+
+        So shall one that stands where others must pass, and one that enough others have overtaken.
+        """
+        if job.start is None or job.underway or job.is_due(self._timing.schedule):
+            return self._now
+        return job.start
 
     def _distance(self, job: Booking) -> Duration:
         """Return how long the robot of a job under way needs to its entrance."""

@@ -180,7 +180,7 @@ def _astray(s: float, leads_away: bool) -> float:
 def on_the_way(lead: LeadIn, bend: float, s: float) -> tuple[float, float]:
     """Return the place after `s` metres on `lead`, then on an arc of the curvature `bend`: ahead, to the left, metres.
 
-    The lead is taken in `LEAD_STEPS` pieces: of a turn by 1 rad the place is off by less than 1/400 of the way.
+    The lead is taken in `LEAD_STEPS` pieces: of turns by up to 1 rad the place is off by less than 1/100 of the way.
     """
     part = min(s, lead.way)
     change = (bend - lead.bend) / lead.way if lead.way > 0.0 else 0.0

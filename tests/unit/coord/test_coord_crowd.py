@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import pytest
 from coord_harness import EVENT, ms
 
 from rmr.coord.fence import Fence
@@ -127,6 +128,16 @@ def test_robots_that_ask_at_once_may_all_go_before_the_one_that_was_heard_first(
         ledger.bookings[robot].inside = True
         ledger.finish(robot, 0, entered=True)
         assert order(ledger, 200) == [each for each in first if each in ledger.bookings]
+
+
+@pytest.mark.parametrize("count", [5, COUNT])
+def test_a_job_overtaken_for_too_long_goes_before_all_whose_slots_can_move(count: int) -> None:
+    ledger = Ledger(99, Timing(), 0, 0)
+    for robot in range(1, count + 1):
+        told(ledger, robot, 0, 500, 30000 + 1000 * robot)
+    first, *rest = order(ledger, 10)
+    ledger.bookings[count].bypassed = Timing().schedule.bypass_max
+    assert order(ledger, 20) == [first, count, *rest[:-1]], "the slot of the first one is fixed"
 
 
 def test_a_job_overtaken_for_too_long_holds_up_no_robot_under_way_before_it_can_be_there() -> None:

@@ -12,7 +12,7 @@ from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.motion_scale import HEADING_ERROR, PLANNED_BRAKE, REACTION_BRAKE, scale_of
 from rmr.base.time import seconds
 from rmr.node.motion.avoid import STOP_GAP_M, closing_limit
-from rmr.node.motion.braking import Wheels
+from rmr.node.motion.braking import LeadIn, Wheels
 from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import make_route
@@ -88,6 +88,20 @@ def test_a_fast_robot_that_changes_to_another_arc_drives_and_brakes_on_the_way_t
         last = place
         assert math.dist(place, on_the_way(lead, w, length)) < 0.005 + HEADING_ERROR * length, length
     assert length > 0.6
+
+
+@pytest.mark.parametrize("first", [-3.0, 0.0, 3.0])
+@pytest.mark.parametrize("last", [-3.0, 0.0, 3.0])
+@pytest.mark.parametrize("way", [0.1, 0.3])
+def test_the_way_to_another_arc_is_judged_to_a_hundredth_of_it(first, last, way):
+    x = y = 0.0
+    fine = 2000
+    for k in range(fine):
+        at = (k + 0.5) * way / fine
+        heading = at * (first + 0.5 * (last - first) / way * at)
+        x += math.cos(heading) * way / fine
+        y += math.sin(heading) * way / fine
+    assert math.dist((x, y), on_the_way(LeadIn(first, way), last, way)) < 0.01 * way
 
 
 @pytest.mark.parametrize("v", [1.0, 0.9])
