@@ -108,7 +108,7 @@ class Line:
     def _taker(self, listeners: list[Listener]) -> Take:
         unfinished = self._unfinished
 
-        def take(item: tuple[Any, bytes], _arrived: int) -> None:
+        def take(item: tuple[Any, bytes], arrived: int) -> None:
             sample, data = item
             if not listeners or sample.kind != zenoh.SampleKind.PUT:
                 return
@@ -117,7 +117,7 @@ class Line:
             losses = listeners[0].owner.losses
             try:
                 message = wire.decode(data)
-                losses.note(key, message)
+                losses.note(key, message, arrived)
                 if isinstance(message.body, wire.Part):
                     patient = [listener for listener in listeners if listener.whole]
                     whole = unfinished.add(key, message) if patient else None

@@ -3,18 +3,42 @@
 from collections.abc import Callable
 from typing import Final
 
+from rmr.base.time import NS_PER_S
 from rmr.bus.checks import MalformedError
 from rmr.bus.wire import Envelope
 
 STREAMS_MAX: Final = 4096
 """Bound of the streams whose last number a `Losses` keeps: more than senders times keys of one process."""
 
-LOST_MAX: Final = 1 << 53
-"""Greatest value of `Losses.lost`: forged numbers must not add up to a count that no message can carry."""
+SENT_PER_S: Final = 2000
+"""Messages that one sender sends on one key in a second, at most: the shortest frame takes half a millisecond."""
+
+SENT_AT_ONCE: Final = 1000
+"""Messages beyond that rate: a sender or receiver that was held up sends, or sees, many at once."""
+
+
+class _Stream:
+    """The messages of one sender on one key."""
+
+    __slots__ = ("doubted", "lost", "number", "run", "since")
+
+    def __init__(self, run: int, number: int, since: int) -> None:
+        self.run = run
+        self.number = number
+        """That of the last message."""
+        self.since = since
+        """Monotonic instant of the first message, ns."""
+        self.lost = 0
+        self.doubted = -1
+        """The newest number that was too great to be believed."""
 
 
 class Losses:
-    """Counts what the middleware lost: gaps in the numbers of each sender's messages on each key."""
+    """Counts what the middleware lost: gaps in the numbers of each sender's messages on each key.
+
+    A gap is counted only up to what can have been sent since the first message. A greater one is a forged number; only
+    if the next message goes on from it, it is the sender's own, and counting begins anew there (as in RFC 3550, A.1).
+    """
 
     def __init__(self) -> None:
         self.lost = 0
@@ -23,21 +47,36 @@ class Losses:
         self.malformed = 0
         self.malformed_last = ""
         """What was wrong with the last malformed message."""
-        self._streams: dict[tuple[str, int], tuple[int, int]] = {}
+        self._streams: dict[tuple[str, int], _Stream] = {}
 
-    def note(self, key: str, message: Envelope) -> None:
-        """Take note of a message that arrived. The first of a stream, or of a sender's new run, sets its origin."""
-        stream = (key, message.sender)
-        run, number = self._streams.get(stream, (None, 0))
-        if run != message.run:
-            if run is None and len(self._streams) >= STREAMS_MAX:
-                return
-        elif message.number <= number:
+    def note(self, key: str, message: Envelope, arrived: int) -> None:
+        """Take note of a message that arrived at this monotonic instant (ns).
+
+        The first of a stream, or of a sender's new run, sets its origin. Raises MalformedError for a number that cannot
+        have been reached yet.
+        """
+        stream = self._streams.get((key, message.sender))
+        if stream is None:
+            if len(self._streams) < STREAMS_MAX:
+                self._streams[key, message.sender] = _Stream(message.run, message.number, arrived)
+        elif stream.run != message.run:
+            stream.run = message.run
+            stream.number = message.number
+        elif message.number <= stream.number:
             self.repeated += 1
-            return
         else:
-            self.lost = min(LOST_MAX, self.lost + message.number - number - 1)
-        self._streams[stream] = (message.run, message.number)
+            self._advance(stream, message.number, arrived)
+
+    def _advance(self, stream: _Stream, number: int, arrived: int) -> None:
+        gap = number - stream.number - 1
+        if gap and stream.lost + gap > SENT_AT_ONCE + SENT_PER_S * (arrived - stream.since) // NS_PER_S:
+            if number != stream.doubted + 1:
+                stream.doubted = number
+                raise MalformedError("a number that its sender cannot have reached yet")
+            gap = 0
+        stream.lost += gap
+        self.lost += gap
+        stream.number = number
 
     def drop(self, error: MalformedError) -> None:
         """Count a message that is malformed."""

@@ -1,5 +1,6 @@
 """Messages: what is sent arrives as it was; anything else is dropped, whatever the octets."""
 
+import contextlib
 import math
 from dataclasses import asdict
 
@@ -16,7 +17,7 @@ from rmr.base.time import NEVER, NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bus import checks, wire
 from rmr.bus.checks import PLAIN_DEPTH_MAX, QUANTITY_MAX
-from rmr.bus.losses import LOST_MAX, STREAMS_MAX, Losses
+from rmr.bus.losses import SENT_AT_ONCE, SENT_PER_S, STREAMS_MAX, Losses
 from rmr.bus.wire import Envelope, MalformedError, decode, encode
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
@@ -373,7 +374,7 @@ def test_deeply_nested_values_are_malformed():
 def after(*numbers_of_one_sender, run=1):
     losses = Losses()
     for number in numbers_of_one_sender:
-        losses.note("k", Envelope(4, run, number, wire.AskClock()))
+        losses.note("k", Envelope(4, run, number, wire.AskClock()), 0)
     return losses
 
 
@@ -393,26 +394,54 @@ def test_repeated_and_overtaken_messages_are_counted_apart():
 
 def test_a_sender_that_restarts_begins_a_new_count():
     losses = after(1, 2, 3)
-    losses.note("k", Envelope(4, 2, 1, wire.AskClock()))
-    losses.note("k", Envelope(4, 2, 3, wire.AskClock()))
+    losses.note("k", Envelope(4, 2, 1, wire.AskClock()), 0)
+    losses.note("k", Envelope(4, 2, 3, wire.AskClock()), 0)
     assert (losses.lost, losses.repeated) == (1, 0)
 
 
-def test_forged_sequence_numbers_leave_an_encodable_loss_count():
+def numbered(number, run=1):
+    return Envelope(4, run, number, wire.AskClock())
+
+
+@pytest.mark.parametrize("forged", [4 + SENT_AT_ONCE + SENT_PER_S, 1 << 40, checks.COUNT_MAX])
+def test_a_number_that_cannot_have_been_reached_is_refused_and_the_true_ones_go_on(forged):
+    losses = after(1)
+    losses.note("k", numbered(2), NS_PER_S)
+    with pytest.raises(MalformedError, match="cannot have reached"):
+        losses.note("k", numbered(forged), NS_PER_S)
+    losses.note("k", numbered(5), NS_PER_S)
+    assert (losses.lost, losses.repeated) == (2, 0)
+
+
+def test_what_can_have_been_sent_meanwhile_is_counted_lost():
+    losses = after(1)
+    losses.note("k", numbered(2 + SENT_PER_S), NS_PER_S)
+    assert losses.lost == SENT_PER_S
+
+
+def test_forged_numbers_of_changing_runs_count_no_more_than_can_have_been_sent():
     losses = Losses()
-    for run in range(4):
-        losses.note("k", Envelope(1, run, 0, wire.AskClock()))
-        losses.note("k", Envelope(1, run, LOST_MAX, wire.AskClock()))
-    assert losses.lost == LOST_MAX
-    status = wire.Status("ready", "", False, False, 0, {"bus": {"lost": losses.lost}})
-    assert decode(encode(1, 1, 1, status)).body == status
+    for run in range(1000):
+        with contextlib.suppress(MalformedError):
+            losses.note("k", numbered(0, run), NS_PER_S)
+            losses.note("k", numbered(SENT_AT_ONCE, run), NS_PER_S)
+    assert losses.lost <= SENT_AT_ONCE
+
+
+def test_a_sender_that_goes_on_from_a_number_beyond_belief_is_followed_and_nothing_counted():
+    losses = after(1, 2)
+    with pytest.raises(MalformedError):
+        losses.note("k", numbered(1 << 20), 0)
+    losses.note("k", numbered((1 << 20) + 1), 0)
+    losses.note("k", numbered((1 << 20) + 3), 0)
+    assert losses.lost == 1
 
 
 def test_senders_and_keys_are_counted_apart():
     losses = Losses()
     for key, sender in (("a", 1), ("a", 2), ("b", 1)):
         for number in (5, 7):
-            losses.note(key, Envelope(sender, 1, number, wire.AskClock()))
+            losses.note(key, Envelope(sender, 1, number, wire.AskClock()), 0)
     assert losses.lost == 3
 
 
@@ -420,7 +449,7 @@ def test_messages_sent_while_unsubscribed_are_not_counted_lost_on_that_key_only(
     losses = Losses()
     for number in (1, 5):
         for key in ("radio/0/0", "radio/0/1"):
-            losses.note(key, Envelope(4, 1, number, wire.AskClock()))
+            losses.note(key, Envelope(4, 1, number, wire.AskClock()), 0)
         losses.forget(lambda key: key == "radio/0/0")
     assert losses.lost == 3
 
@@ -428,7 +457,7 @@ def test_messages_sent_while_unsubscribed_are_not_counted_lost_on_that_key_only(
 def test_the_streams_that_are_kept_apart_are_bounded():
     losses = Losses()
     for sender in range(STREAMS_MAX + 10):
-        losses.note("k", Envelope(sender, 1, 1, wire.AskClock()))
-    losses.note("k", Envelope(STREAMS_MAX + 5, 1, 9, wire.AskClock()))
-    losses.note("k", Envelope(0, 1, 3, wire.AskClock()))
+        losses.note("k", Envelope(sender, 1, 1, wire.AskClock()), 0)
+    losses.note("k", Envelope(STREAMS_MAX + 5, 1, 9, wire.AskClock()), 0)
+    losses.note("k", Envelope(0, 1, 3, wire.AskClock()), 0)
     assert losses.lost == 1
