@@ -65,9 +65,11 @@ class LabClock:
         """Believe no sample so far: the clock may have jumped. If it went back, lab time stands until it is up."""
         self._samples.clear()
 
-    def hear(self, stamp: Instant) -> None:
-        """Note that the world was alive at `stamp`."""
-        self._heard = stamp if self._heard is None else max(self._heard, stamp)
+    def hear(self, stamp: Instant, monotonic: int) -> None:
+        """Note, at a monotonic instant, that the world was alive at `stamp`; not later than now, whatever it says."""
+        if self.state == "running":
+            stamp = min(stamp, monotonic + self._offset)
+            self._heard = stamp if self._heard is None else max(self._heard, stamp)
 
     def sample(self, state: str, asked: int, arrived: Instant, stamp: Instant, received: int) -> None:
         """Take in a round trip: T1 `asked` and T4 `received` monotonic, T2 `arrived` and T3 `stamp` in lab time."""

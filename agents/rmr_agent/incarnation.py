@@ -258,7 +258,7 @@ class Incarnation:
         first = self.body.place is None
         if self.started:
             self.late_samples.note(sample.stamp, self.now())
-        self._clock.hear(sample.stamp)
+        self._clock.hear(sample.stamp, time.monotonic_ns())
         self.body.feed(sample)
         assert self.body.place is not None
         self.link.station.move(*self.body.place)

@@ -24,11 +24,19 @@ class LateMessages:
         self.count = 0
         self.worst: Duration = 0
         """Age of the latest one."""
+        self._newest: Instant = 0
+        """Of the messages noted; bounded by their arrival."""
         self._row = 0
         self._due: Instant | None = None
 
     def note(self, stamp: Instant, now: Instant) -> bool:
-        """Take note of a message of the instant `stamp` that has arrived `now`; return whether to warn."""
+        """Take note of a message of the instant `stamp` that has arrived `now`; return whether to warn.
+
+        One of an earlier instant than another was overtaken, or is forged: it says nothing of how late they come.
+        """
+        if stamp < self._newest:
+            return False
+        self._newest = min(stamp, now)
         age = now - stamp
         if age <= LIMIT:
             self._row = 0

@@ -108,11 +108,18 @@ def test_lab_time_freezes_instead_of_going_back_after_a_backward_clock_step():
 def test_lab_time_freezes_when_the_world_is_silent_and_resumes_with_it():
     clock = LabClock()
     round_trip(clock, 0, 0, MS, MS)
-    clock.hear(2 * NS_PER_S)
+    clock.hear(2 * NS_PER_S, 2 * NS_PER_S)
     assert clock.at(2 * NS_PER_S + AHEAD_MAX // 2) == 2 * NS_PER_S + AHEAD_MAX // 2
     assert clock.at(60 * NS_PER_S) == 2 * NS_PER_S + AHEAD_MAX
-    clock.hear(60 * NS_PER_S)
+    clock.hear(60 * NS_PER_S, 60 * NS_PER_S)
     assert clock.at(60 * NS_PER_S) == 60 * NS_PER_S
+
+
+def test_a_sample_stamped_far_ahead_does_not_stand_for_a_world_that_falls_silent():
+    clock = LabClock()
+    round_trip(clock, 0, 0, MS, MS)
+    clock.hear(1 << 60, 2 * NS_PER_S)
+    assert clock.at(60 * NS_PER_S) == 2 * NS_PER_S + AHEAD_MAX
 
 
 def test_new_world_clock_does_not_inherit_the_running_state_of_the_old_one():

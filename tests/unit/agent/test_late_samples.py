@@ -6,7 +6,7 @@ import logging
 import pytest
 from test_robot_life import live, sample
 
-from rmr.base.time import TICK_HZ, milliseconds, seconds, tick_start
+from rmr.base.time import NEVER, TICK_HZ, milliseconds, seconds, tick_start
 from rmr.bus.late_messages import ROW_MIN, TELL_EVERY
 from rmr_agent.late_samples import LateSamples
 
@@ -36,6 +36,17 @@ def test_robot_that_stands_for_late_samples_says_so_once_and_again_after_a_while
         ]
         heard(late, 180, TELL_EVERY * TICK_HZ // seconds(1), first=40)
         assert len(caplog.records) == 2
+
+
+def test_stamps_that_no_body_of_this_run_gives_say_nothing_of_how_late_samples_are(caplog):
+    late = LateSamples(3)
+    with caplog.at_level(logging.WARNING, logger="rmr"):
+        for tick in range(20):
+            for stamp in (-NEVER, -1, tick_start(tick), tick_start(tick) - seconds(3), NEVER):
+                late.note(stamp, tick_start(tick) + milliseconds(1))
+        heard(late, 180, 20, first=20)
+    assert (late.count, late.worst) == (20, milliseconds(180))
+    assert len(caplog.records) == 1
 
 
 def test_samples_of_a_robot_that_runs_are_looked_at(monkeypatch):
