@@ -49,8 +49,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _register_of_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep the runs of tests out of the user's register, and those of the user from tests."""
+    """Keep the runs of tests out of the user's register, those of the user from tests, and keys out of the home."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("states", numbered=True)))
         patch.setenv("RMR_REGISTER", str(tmp_path_factory.mktemp("register", numbered=True)))
         yield
 

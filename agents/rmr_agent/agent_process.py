@@ -46,7 +46,7 @@ def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolde
         raise RefusedError("--state needs a program: the state of a robot belongs to the program that it began with")
     several = len(options.id) > 1
     folders = {robot: options.state / str(robot) if several else options.state for robot in options.id}
-    own = (options.durability, loaded.octets, options.snapshots << 10)
+    own = (options.durability, loaded.octets, options.snapshots << 10, options.state_key)
     return {robot: StateFolder(path, robot, loaded.digest, *own) for robot, path in folders.items()}
 
 

@@ -86,6 +86,12 @@ def _declare(parser: "Parser") -> None:
         metavar="KIB",
         help="take a snapshot of the state each time that its journal has grown by this (default: 1024; 0: none)",
     )
+    parser.option(
+        "--state-key",
+        read=Path,
+        metavar="FILE",
+        help="the key of its snapshots, which is made if it does not exist (default: ~/.local/state/rmr/state.key)",
+    )
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the robots; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
 

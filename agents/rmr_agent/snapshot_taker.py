@@ -11,7 +11,7 @@ import sys
 import threading
 from pathlib import Path
 
-from rmr_agent.state_files import remove_superfluous
+from rmr_agent.state_files import StateKey, remove_superfluous
 
 log = logging.getLogger("rmr")
 
@@ -19,8 +19,9 @@ log = logging.getLogger("rmr")
 class SnapshotTaker:
     """Takes the snapshots in one folder."""
 
-    def __init__(self, folder: Path, robot: int) -> None:
+    def __init__(self, folder: Path, robot: int, key: StateKey) -> None:
         self._folder = folder
+        self._key = key
         self._robot = robot
         self._guard = threading.Lock()
         self._wanted = 0
@@ -81,7 +82,8 @@ class SnapshotTaker:
             if not segment or self._over:
                 self._thread = None
                 return None
-            words = [sys.executable, "-m", "rmr_agent.take_snapshot", str(self._folder), str(segment)]
+            program = [sys.executable, "-m", "rmr_agent.take_snapshot"]
+            words = [*program, str(self._folder), str(segment), str(self._key.file)]
             self._process = subprocess.Popen(
                 words,
                 stdin=subprocess.DEVNULL,
@@ -94,6 +96,6 @@ class SnapshotTaker:
 
     def _tidy(self) -> None:
         try:
-            remove_superfluous(self._folder)
+            remove_superfluous(self._folder, self._key)
         except OSError as error:
             log.warning("robot %d: old state stays in %s: %s", self._robot, self._folder, error.strerror or error)

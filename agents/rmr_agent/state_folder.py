@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TypeVar
 
+from rmr.bus.secret import SecretError
 from rmr.mind.journal import SEGMENT_OCTETS, DurableState, Journal, JournalError, JournalHeader
 from rmr.mind.mind_header import decode_header, encode_header
 from rmr.mind.mind_versions import differences, is_compiled
@@ -30,12 +31,15 @@ from rmr_agent.state_files import (
     PROGRAM,
     SEGMENTS,
     SNAPSHOTS,
+    StateKey,
     begun_file,
+    default_key_file,
     listed,
     read_files,
     remove_superfluous,
     segment_name,
     snapshot_name,
+    state_key,
     sync_folder,
 )
 
@@ -127,16 +131,18 @@ class StateFolder:
         durability: str,
         octets: bytes = b"",
         segment_octets: int = SEGMENT_OCTETS,
+        key_file: Path | None = None,
     ) -> None:
         """Take the folder of `robot`, which runs the `program` of this digest. Raises StateRefusedError.
 
         `octets` are the program. A snapshot is taken each time that the journal has grown by `segment_octets`; without
-        a program, or at 0, or where rmr is compiled, there are none.
+        a program, or at 0, or where rmr is compiled, there are none. Their key is in `key_file`, which is made where
+        one is needed; None: the user's own.
         """
         self.path = path
         self._octets = octets
         self._segment_octets = segment_octets if octets and not is_compiled() else 0
-        self._taker = SnapshotTaker(path, robot)
+        self._taker: SnapshotTaker | None = None
         self._robot = robot
         self._program = program
         self._synced = durability == "power"
@@ -151,6 +157,10 @@ class StateFolder:
         except OSError as error:
             self.close()
             raise StateRefusedError(f"--state {path}: {error.strerror or error}") from None
+        self._key = StateKey(path, b"")
+        if snapshots or self._segment_octets:
+            self._key = self._owned_key(key_file)
+            self._taker = SnapshotTaker(path, robot, self._key)
         self.found: FoundState = NEW
         """What the folder held."""
         self.header: JournalHeader | None = None
@@ -158,7 +168,7 @@ class StateFolder:
         self.config: NodeConfig | None = None
         """The configuration with which the robot began."""
         try:
-            self.found = find_state(segments, snapshots)
+            self.found = find_state(segments, snapshots, self._key.octets)
             self._check()
         except JournalError as error:
             self.close()
@@ -166,6 +176,21 @@ class StateFolder:
 
     def _refused(self, why: str) -> StateRefusedError:
         return StateRefusedError(f"--state {self.path}: {why}; {ANEW}, or give another one")
+
+    def _owned_key(self, file: Path | None) -> StateKey:
+        """Return the key of snapshots in `file`; None: the user's own. Raises StateRefusedError."""
+        try:
+            return state_key(default_key_file() if file is None else file)
+        except OSError as error:
+            self.close()
+            where = error.filename or file
+            raise StateRefusedError(
+                f"the key of snapshots cannot be had from {where}: {error.strerror}; "
+                "name a file for it with --state-key FILE, or take no snapshots with --snapshots 0"
+            ) from None
+        except SecretError as error:
+            self.close()
+            raise StateRefusedError(str(error)) from None
 
     def _take_lock(self) -> None:
         try:
@@ -238,7 +263,7 @@ class StateFolder:
         if snapshot is None or snapshots.pop(snapshot.segment, None) is None:
             return False
         try:
-            found = find_state(read_files(self.path, SEGMENTS), snapshots)
+            found = find_state(read_files(self.path, SEGMENTS), snapshots, self._key.octets)
         except JournalError:
             return False
         self.found = found._replace(passed_over=((snapshot.segment, why), *found.passed_over))
@@ -274,7 +299,11 @@ class StateFolder:
         )
 
     def _opened(self, path: Path) -> _AppendedFile:
-        return _AppendedFile(path, synced=self._synced, closed=self._taker.take)
+        return _AppendedFile(path, synced=self._synced, closed=self._closed)
+
+    def _closed(self, segment: int) -> None:
+        if self._taker is not None:
+            self._taker.take(segment)
 
     def _begin(self, header: JournalHeader) -> Journal:
         """Write the header into a file that gets its name when it is whole. Raises OSError."""
@@ -300,7 +329,7 @@ class StateFolder:
         for number, path in listed(self.path, SEGMENTS).items():
             if number > found.last:
                 path.unlink()
-        remove_superfluous(self.path)
+        remove_superfluous(self.path, self._key)
 
     @property
     def passed_over(self) -> list[str]:
@@ -328,7 +357,8 @@ class StateFolder:
 
     def close(self) -> None:
         """Leave the folder to others."""
-        self._taker.close()
+        if self._taker is not None:
+            self._taker.close()
         if self._file is not None:
             self._file.close()
             self._file = None

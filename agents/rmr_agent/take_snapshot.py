@@ -1,26 +1,28 @@
-"""Takes one snapshot of a durable robot: ``python -m rmr_agent.take_snapshot FOLDER SEGMENT``.
+"""Takes one snapshot of a durable robot: ``python -m rmr_agent.take_snapshot FOLDER SEGMENT KEY``.
 
 It reads the newest snapshot and the closed segments of the journal from there on, brings a shadow of the robot to their
 end (`rmr.mind.snapshot`), and writes `snapshot-SEGMENT`, once another shadow that was restored from it has shown the
-same state. It runs at the lowest priority, beside the robot, and removes nothing.
+same state; KEY is the file with the key of the snapshots. It runs at the lowest priority, beside the robot, and removes
+nothing.
 """
 
 import os
 import sys
 from pathlib import Path
 
+from rmr.bus.secret import SecretError
 from rmr.bytecode import codec
 from rmr.mind.journal import JournalError
 from rmr.mind.segments import find_state
 from rmr.mind.snapshot import shadow_of, taken_snapshot
-from rmr_agent.state_files import PROGRAM, SEGMENTS, SNAPSHOTS, begun_file, read_files, snapshot_name
+from rmr_agent.state_files import PROGRAM, SEGMENTS, SNAPSHOTS, begun_file, read_files, snapshot_name, state_key
 
 
-def take(folder: Path, segment: int) -> None:
+def take(folder: Path, segment: int, key: bytes) -> None:
     """Write the snapshot before `segment`. Raises JournalError, OSError."""
     segments = {number: data for number, data in read_files(folder, SEGMENTS).items() if number < segment}
     snapshots = {number: data for number, data in read_files(folder, SNAPSHOTS).items() if number < segment}
-    found = find_state(segments, snapshots)
+    found = find_state(segments, snapshots, key)
     if found.header is None or found.last != segment - 1 or found.dropped:
         raise JournalError(f"the journal before segment {segment} is not whole")
     data = (folder / PROGRAM).read_bytes()
@@ -32,16 +34,16 @@ def take(folder: Path, segment: int) -> None:
     node.settle()
     if skeleton.state() != snapshot.state:
         raise JournalError("the state that was written is not the one that is read")
-    os.close(begun_file(folder / snapshot_name(segment), snapshot.octets(), synced=True))
+    os.close(begun_file(folder / snapshot_name(segment), snapshot.octets(key), synced=True))
 
 
 def main() -> int:
     """Take the snapshot; return the exit code."""
     os.nice(19)
-    folder, segment = sys.argv[1:]
+    folder, segment, key_file = sys.argv[1:]
     try:
-        take(Path(folder), int(segment))
-    except (JournalError, codec.BytecodeError) as error:
+        take(Path(folder), int(segment), state_key(Path(key_file)).octets)
+    except (JournalError, SecretError, codec.BytecodeError) as error:
         print(error, file=sys.stderr)
         return 1
     except OSError as error:

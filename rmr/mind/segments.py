@@ -2,14 +2,14 @@
 
 It goes on with the newest snapshot that is whole, and the segments of the journal from there on. A snapshot that is
 damaged is passed over for the one before; before the first one there is the begin of the journal. A segment counts only
-behind the very record that its header names.
+behind the very record that its header names. Nothing is believed beside a snapshot that was written with another key.
 """
 
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from rmr.mind.journal import JournalError, JournalHeader, JournalRecord, ReadJournal, read_journal
-from rmr.mind.snapshot import KEPT, Snapshot, SnapshotError, read_snapshot
+from rmr.mind.snapshot import KEPT, ForeignSnapshotError, Snapshot, SnapshotError, read_snapshot
 
 
 class FoundState(NamedTuple):
@@ -41,14 +41,22 @@ NEW = FoundState(None, [], None, 0, 0, 0, torn=True)
 """That of a new robot."""
 
 
-def find_state(segments: Mapping[int, bytes], snapshots: Mapping[int, bytes]) -> FoundState:
-    """Return with what the robot goes on. Raises JournalError if nothing of its journal can be read."""
+def find_state(segments: Mapping[int, bytes], snapshots: Mapping[int, bytes], key: bytes) -> FoundState:
+    """Return with what the robot goes on; `key` is that of its snapshots.
+
+    Raises JournalError if nothing of its journal can be read, or a snapshot was written with another key.
+    """
     if not segments and not snapshots:
         return NEW
     passed: list[tuple[int, str]] = []
     for number in sorted(snapshots, reverse=True):
         try:
-            snapshot = read_snapshot(snapshots[number])
+            snapshot = read_snapshot(snapshots[number], key)
+        except ForeignSnapshotError as error:
+            raise JournalError(
+                f"its snapshot {number} {error}, by somebody else or elsewhere: if you trust who wrote it, "
+                "name the key with --state-key FILE"
+            ) from None
         except SnapshotError as error:
             passed.append((number, str(error)))
             continue
@@ -89,16 +97,16 @@ def _segment(segments: Mapping[int, bytes], number: int, before: int | None) -> 
     return read
 
 
-def superfluous(segments: Iterable[int], snapshots: Mapping[int, bytes]) -> tuple[list[int], list[int]]:
+def superfluous(segments: Iterable[int], snapshots: Mapping[int, bytes], key: bytes) -> tuple[list[int], list[int]]:
     """Return the numbers of the segments and snapshots before the two newest snapshots that are whole."""
-    kept = [number for number in sorted(snapshots) if _is_whole(snapshots[number])][-KEPT:]
+    kept = [number for number in sorted(snapshots) if _is_whole(snapshots[number], key)][-KEPT:]
     first = kept[0] if len(kept) == KEPT else 0
     return [each for each in sorted(segments) if each < first], [each for each in sorted(snapshots) if each < first]
 
 
-def _is_whole(data: bytes) -> bool:
+def _is_whole(data: bytes, key: bytes) -> bool:
     try:
-        read_snapshot(data)
+        read_snapshot(data, key)
     except SnapshotError:
         return False
     return True

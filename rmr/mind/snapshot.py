@@ -6,12 +6,16 @@ process makes the node anew, brings it to the newest snapshot, executes the segm
 down its graph (`object_graph`). So the snapshot is what a restart would have come to there, the executed calls have
 been compared with what the robot did, and the robot's own ticks cost nothing more.
 
-    file     length of the body, its CRC-32, body (msgpack): segment before which it is, check sum of the last record
-             before that, digest of the program, graph state
+    file     length of what follows the head, its CRC-32; HMAC-SHA256 of the body; body (msgpack): segment before which
+             it is, check sum of the last record before that, digest of the program, graph state
+
+A snapshot is made of objects, and so is believed only with the authentication code of a key that its owner alone can
+read: the CRC tells damage, the code tells whose it is.
 
 This module has no input or output.
 """
 
+import hmac
 from collections.abc import Sequence
 from dataclasses import replace
 from struct import Struct
@@ -29,16 +33,22 @@ from rmr.mind.object_graph import Skeleton, UnsavedError
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Format of snapshots; another one is passed over."""
 MAGIC: Final = "rmr snapshot"
 KEPT: Final = 2
 """Snapshots that are kept, with the segments behind the older one."""
 _HEAD: Final = Struct("<II")
+_CODE_OCTETS: Final = 32
+"""Length of the authentication code."""
 
 
 class SnapshotError(ValueError):
     """A file is no whole snapshot; the message says why."""
+
+
+class ForeignSnapshotError(SnapshotError):
+    """A whole snapshot that was not written with the key at hand."""
 
 
 class Snapshot(NamedTuple):
@@ -51,22 +61,29 @@ class Snapshot(NamedTuple):
     """Digest of the byte-code."""
     state: bytes
 
-    def octets(self) -> bytes:
-        """Return the file's octets."""
+    def octets(self, key: bytes) -> bytes:
+        """Return the file's octets, authenticated with `key`."""
         body = pack({"what": MAGIC, "format": FORMAT} | self._asdict())
-        return _HEAD.pack(len(body), crc32(body)) + body
+        sealed = hmac.digest(key, body, "sha256") + body
+        return _HEAD.pack(len(sealed), crc32(sealed)) + sealed
 
 
-def read_snapshot(data: bytes) -> Snapshot:
-    """Return the snapshot in a file. Raises SnapshotError for a damaged one, and for one of another format."""
+def read_snapshot(data: bytes, key: bytes) -> Snapshot:
+    """Return the snapshot in a file that was written with `key`.
+
+    Raises SnapshotError for a damaged one, and for one of another format, and ForeignSnapshotError for another key's.
+    """
     if len(data) < _HEAD.size:
         raise SnapshotError("it is cut short")
     length, crc = _HEAD.unpack_from(data)
-    body = data[_HEAD.size :]
-    if len(body) < length:
+    sealed = data[_HEAD.size :]
+    if len(sealed) < length:
         raise SnapshotError("it is cut short")
-    if len(body) > length or crc32(body) != crc:
+    if len(sealed) > length or crc32(sealed) != crc:
         raise SnapshotError("it is damaged")
+    code, body = sealed[:_CODE_OCTETS], sealed[_CODE_OCTETS:]
+    if not hmac.compare_digest(code, hmac.digest(key, body, "sha256")):
+        raise ForeignSnapshotError("was written with another key")
     try:
         found = unpack(body)
         if found["what"] != MAGIC or found["format"] != FORMAT:

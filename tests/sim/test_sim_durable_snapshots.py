@@ -12,6 +12,7 @@ from rmr.mind.journal import read_journal
 from rmr.mind.mind_versions import is_compiled
 from rmr.mind.segments import find_state
 from rmr.mind.snapshot import shadow_of
+from rmr_sim.disk import SNAPSHOT_KEY
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 
@@ -55,8 +56,8 @@ def with_snapshots(simulation: Simulation, octets: int = SEGMENT_OCTETS) -> dict
 def states(simulation, robot, archive):
     """Return the graph states of a robot at the end: behind its snapshot, and behind its whole journal."""
     disk = robot._disk
-    found = find_state(disk.segments, disk.snapshots)
-    whole = find_state({**archive, **disk.segments}, {})
+    found = find_state(disk.segments, disk.snapshots, SNAPSHOT_KEY)
+    whole = find_state({**archive, **disk.segments}, {}, SNAPSHOT_KEY)
     assert whole.last == found.last
     program = robot.node.program
     both = []

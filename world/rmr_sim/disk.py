@@ -24,6 +24,9 @@ from rmr.node.config import NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
 
+SNAPSHOT_KEY = b"simulated"
+"""Key of simulated snapshots, which never leave their process."""
+
 
 class Disk:
     """One robot's disk (`rmr.mind.journal.JournalFile`)."""
@@ -100,9 +103,9 @@ class Disk:
         self.closed = self.segments
         fate = self._fates.randrange(7)
         if self.take is not None and fate:
-            octets = self.take(find_state(self.closed, self.snapshots), number).octets()
+            octets = self.take(find_state(self.closed, self.snapshots, SNAPSHOT_KEY), number).octets(SNAPSHOT_KEY)
             self.snapshots[number] = octets if fate > 1 else octets[: self._fates.randrange(len(octets))]
-            segments, snapshots = superfluous(self.closed, self.snapshots)
+            segments, snapshots = superfluous(self.closed, self.snapshots, SNAPSHOT_KEY)
             self.closed = {each: data for each, data in self.closed.items() if each not in segments}
             self.snapshots = {each: data for each, data in self.snapshots.items() if each not in snapshots}
         self.number = number
@@ -122,7 +125,7 @@ def durable_node(
     synced: bool = False,
 ) -> DurableNode:
     """Return the node of a robot that goes on from its `disk`, or begins if that is empty."""
-    found = find_state(disk.segments, disk.snapshots)
+    found = find_state(disk.segments, disk.snapshots, SNAPSHOT_KEY)
     disk.keep(found)
     header = found.header
     disk.take = None if is_compiled() else partial(_taken, program)

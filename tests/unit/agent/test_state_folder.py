@@ -17,6 +17,7 @@ from rmr.mind.snapshot import Snapshot
 from rmr.node.config import NodeConfig
 from rmr_agent import state_folder
 from rmr_agent.bytecode import Loaded
+from rmr_agent.state_files import default_key_file, state_key
 from rmr_agent.state_folder import StateFolder, StateFullError, StateRefusedError, begun_header
 
 LOADED = Loaded(Program(()), 7, b"program")
@@ -29,6 +30,10 @@ def header(robot=4, run=99, lab="bench"):
 
 def begun_journal(folder):
     return folder.taken_up(header(), CONFIG)[1].journal
+
+
+def own_key():
+    return state_key(default_key_file()).octets
 
 
 def begun(path, records=()):
@@ -145,6 +150,7 @@ def test_a_second_process_is_kept_out_until_the_first_has_ended(tmp_path):
 _HOLD = """
 import sys
 from pathlib import Path
+from rmr_agent.state_files import default_key_file, state_key
 from rmr_agent.state_folder import StateFolder
 folder = StateFolder(Path(sys.argv[1]), 4, 7, "process")
 print("held", flush=True)
@@ -247,7 +253,7 @@ def test_a_snapshot_that_does_not_lead_to_what_is_recorded_is_passed_over_for_th
     journal = begun_journal(folder)
     for number in (1, 2):
         journal.calls(0, b"one")
-        (tmp_path / f"snapshot-{number}").write_bytes(Snapshot(number, journal._crc, 7, b"state").octets())
+        (tmp_path / f"snapshot-{number}").write_bytes(Snapshot(number, journal._crc, 7, b"state").octets(own_key()))
         journal.next_segment()
     folder.close()
     folder = StateFolder(tmp_path, 4, 7, "process")
@@ -274,6 +280,53 @@ def test_a_snapshot_that_does_not_lead_to_what_is_recorded_is_passed_over_for_th
         folder.go_on(header(), CONFIG, make)
     folder.close()
     assert (tmp_path / "snapshot-1").exists(), "what cannot be gone on from is left for a look at it"
+
+
+def foreign(path):
+    """Put a crafted snapshot, whole but of another key, into a folder of robot 4."""
+    folder = StateFolder(path, 4, 7, "process")
+    journal = begun_journal(folder)
+    journal.calls(0, b"one")
+    crafted = Snapshot(1, journal._crc, 7, b"crafted").octets(b"a key beside the file")
+    journal.next_segment()
+    folder.close()
+    (path / "snapshot-1").write_bytes(crafted)
+    return path
+
+
+def test_a_snapshot_of_another_key_is_refused_with_what_to_do_and_stays(tmp_path):
+    path = foreign(tmp_path / "4")
+    before = {file.name: file.read_bytes() for file in path.iterdir()}
+    why = "its snapshot 1 was written with another key, by somebody else or elsewhere: if you trust who wrote it"
+    todo = "name the key with --state-key FILE; begin anew with an empty folder, or give another one"
+    with pytest.raises(StateRefusedError, match=re.escape(f"--state {path}: {why}, {todo}")):
+        StateFolder(path, 4, 7, "process")
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == before
+
+
+def test_a_key_is_made_once_outside_of_the_folder_and_others_cannot_read_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "home"))
+    file = tmp_path / "home" / "rmr" / "state.key"
+    StateFolder(tmp_path / "4", 4, 7, "process").close()
+    assert not file.exists(), "without snapshots no key is needed"
+    StateFolder(tmp_path / "5", 5, 7, "process", b"program", 1 << 20).close()
+    made = file.read_text()
+    StateFolder(tmp_path / "6", 6, 7, "process", b"program", 1 << 20).close()
+    assert file.read_text() == made
+    assert file.stat().st_mode & 0o077 == 0
+    assert [one.name for one in file.parent.iterdir()] == ["state.key"]
+    file.chmod(0o644)
+    with pytest.raises(StateRefusedError, match=f"other users may read or change this secret; run: chmod 600 {file}"):
+        StateFolder(tmp_path / "6", 6, 7, "process", b"program", 1 << 20)
+
+
+def test_a_user_without_a_home_names_a_file_for_the_key(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    (tmp_path / "file").touch()
+    with pytest.raises(StateRefusedError, match=r"file.*: .*; name a file for it with --state-key FILE, or take no"):
+        StateFolder(tmp_path / "5", 5, 7, "process", b"program", 1 << 20)
+    StateFolder(tmp_path / "5", 5, 7, "process", b"program", 1 << 20, tmp_path / "own.key").close()
+    assert (tmp_path / "own.key").exists()
 
 
 @pytest.mark.medium
