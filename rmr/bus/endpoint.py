@@ -42,6 +42,17 @@ def read_endpoint(text: str) -> str:
         raise ValueError(str(error)) from None
 
 
+def is_loopback(endpoint: str) -> bool:
+    """Return whether a valid endpoint is reached from its machine alone. Of names, `localhost` counts alone."""
+    match = ENDPOINT.fullmatch(endpoint)
+    assert match is not None
+    host = match[2].strip("[]")
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
 def host_problem(endpoint: str) -> str:
     """Return what is wrong with the host of a valid endpoint, `: ` before it; empty when it has an address.
 

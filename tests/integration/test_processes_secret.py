@@ -241,3 +241,10 @@ def test_fault_by_endpoint_needs_the_secret(stage):
     assert (bare.returncode, bare.stdout) == (1, "")
     assert bare.stderr.startswith(f"rmr fault: {stage.endpoint} does not let this process in: its world has a secret")
     assert subprocess.run([*fault, "--secret", file], capture_output=True, check=False).returncode == 0
+
+
+def test_a_world_that_is_opened_on_purpose_says_so(stage):
+    where = stage.endpoint.replace("127.0.0.1", "0.0.0.0")
+    world = stage.start("rmr_world.main", "--config", stage.folder / "lab.yaml", "--listen", where, "--open")
+    world.wait_for(f"open: whoever reaches {where}, on any machine, can drive the robots and end the run")
+    stage.agent(1).wait_for("robot 1 is in lab")

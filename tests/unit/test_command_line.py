@@ -154,6 +154,26 @@ def test_the_router_of_a_world_is_one_of_two():
     )
 
 
+@pytest.mark.parametrize("listen", ["tcp/0.0.0.0:1", "tcp/[::]:1", "udp/192.0.2.7:1", "ws/lab-host:1"])
+def test_a_world_beyond_loopback_without_a_secret_is_refused_unless_it_is_opened_on_purpose(listen):
+    answer = call("rmr-world", "--config", "nowhere", "--listen", listen)
+    assert answer.exit_code == 2
+    assert answer.stderr.startswith(f"rmr-world: whoever reaches {listen}, from other machines, too, could drive")
+    assert "--secret FILE" in answer.stderr
+    for more in (("--open",), ("--secret", "nowhere.secret")):
+        answer = call("rmr-world", "--config", "nowhere", "--listen", listen, *more)
+        assert "could drive" not in answer.stderr
+
+
+@pytest.mark.parametrize("listen", ["tcp/127.0.0.1:1", "tcp/127.8.0.1:1", "tcp/[::1]:1", "tcp/localhost:1"])
+def test_a_world_on_loopback_needs_no_secret_and_is_not_opened(listen):
+    assert "could drive" not in call("rmr-world", "--config", "nowhere", "--listen", listen).stderr
+    answer = call("rmr-world", "--config", "nowhere", "--listen", listen, "--open")
+    assert answer.stderr.splitlines()[0] == "rmr-world: --open goes with --listen beyond this machine alone"
+    answer = call("rmr-world", "--config", "nowhere", "--listen", listen, "--open", "--secret", "x")
+    assert answer.stderr.splitlines()[0] == "rmr-world: --open goes without --secret"
+
+
 # --- the layer that they share
 
 

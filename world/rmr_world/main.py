@@ -52,9 +52,26 @@ def _declare(parser: "Parser") -> None:
         metavar="FILE",
         help="admit only processes that know the secret in FILE, which is made if it does not exist (default: all)",
     )
+    parser.flag("--open", help="admit everybody who reaches --listen, on other machines, too, without a secret")
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the world; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
+
+
+def _check_open(listen: str | None, *, secret: bool, opened: bool) -> None:
+    """Raise CommandLineError for a bus that other machines could use without a secret, unless that is asked for."""
+    from rmr.bus.endpoint import is_loopback
+    from rmr.entry.command_line import CommandLineError
+
+    beyond = listen is not None and not is_loopback(listen)
+    if opened and (secret or not beyond):
+        why = "--secret" if secret else "--listen beyond this machine alone"
+        raise CommandLineError(f"--open goes {'without' if secret else 'with'} {why}")
+    if beyond and not secret and not opened:
+        raise CommandLineError(
+            f"whoever reaches {listen}, from other machines, too, could drive the robots: name a secret with "
+            "--secret FILE, which is made if it does not exist, or allow that with --open"
+        )
 
 
 def _serve(**options: Any) -> int:
@@ -65,6 +82,7 @@ def _serve(**options: Any) -> int:
 
     if options["listen"] is not None and options["connect"] is not None:
         raise CommandLineError("--connect is not allowed with --listen: name one of them")
+    _check_open(options["listen"], secret=options["secret"] is not None, opened=options["open"])
     try:
         with Loading("rmr_world.world_process"):
             from rmr_world.world_process import perform

@@ -132,6 +132,8 @@ async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, en
     log.info(
         "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
     )
+    if options.open:
+        log.warning("open: whoever reaches %s, on any machine, can drive the robots and end the run", options.listen)
     recorder = None if options.record is None else ProcessRecorder(options.record, "world")
     tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
     try:
