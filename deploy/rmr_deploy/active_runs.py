@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rmr.base.file_errors import naming
 from rmr_deploy.process_identity import lives, start_mark
 
 PROCESSES_FILE = "processes.json"
@@ -153,7 +154,12 @@ def write_end(folder: Path, exit_code: int) -> None:
 
 def _write(path: Path, record: Mapping[str, Any]) -> None:
     draft = path.with_suffix(".new")
-    draft.write_text(json.dumps(record, indent=1) + "\n")
+    try:
+        with naming(path):
+            draft.write_text(json.dumps(record, indent=1) + "\n")
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
     with suppress(OSError):  # the age of a record is that of its run
         os.utime(draft, ns=(path.stat().st_atime_ns, path.stat().st_mtime_ns))
     draft.replace(path)

@@ -69,7 +69,7 @@ def _run(plan: RunPlan, background: DetachedOutput | None) -> int:
     try:
         outcome, record = asyncio.run(run_and_report(plan, background))
     except OSError as error:
-        print(f"rmr up: {error}", file=sys.stderr)
+        print(f"rmr up: {error.filename or plan.folder}: {error.strerror}; the run has ended", file=sys.stderr)
         return ExitCode.FAILED
     tell(record, outcome, plan)
     code = exit_code(outcome, record, strict=plan.options.strict)

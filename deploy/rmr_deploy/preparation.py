@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from rmr.base.file_errors import naming
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
@@ -158,14 +159,17 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
         raise RunRefusedError(str(error), ExitCode.INVALID) from error
     try:
         plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder), loads)
-        _keep_private(plan)
-        plan.logs.mkdir()
-        plan.byte_code.write_bytes(plan.program.octets)
-        write_lab(plan.lab, plan.folder)
-        _begin_recording(plan)
     except RunFolderError as error:
         raise RunRefusedError(str(error), ExitCode.USAGE) from error
+    try:
+        _keep_private(plan)
+        plan.logs.mkdir()
+        with naming(plan.byte_code):
+            plan.byte_code.write_bytes(plan.program.octets)
+        write_lab(plan.lab, plan.folder)
+        _begin_recording(plan)
     except OSError as error:
+        plan.secret.unlink(missing_ok=True)
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
     return plan

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.arena import to_data
+from rmr.base.file_errors import naming
 from rmr.base.time import NEVER, in_seconds
 from rmr.base.values import format_value
 from rmr.entry import ExitCode
@@ -54,7 +55,9 @@ def _always(disturbance: Disturbance, lab: Lab) -> dict[str, Any]:
 
 def write_lab(lab: Lab, folder: Path) -> None:
     """Write the resolved lab into a run folder. Raises OSError."""
-    (folder / LAB_COPY).write_text(json.dumps(resolved_lab(lab), indent=2) + "\n")
+    path = folder / LAB_COPY
+    with naming(path):
+        path.write_text(json.dumps(resolved_lab(lab), indent=2) + "\n")
 
 
 def resolved_file(source: Path) -> dict[str, Any]:

@@ -19,6 +19,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rmr.base.file_errors import naming
+
 REQUESTS_FOLDER = "requests"
 ASK = ".ask"
 ANSWER = ".answer"
@@ -72,7 +74,8 @@ def _put(folder: Path, request: Mapping[str, Any]) -> Path:
     try:
         stem.parent.mkdir(exist_ok=True)
         draft = stem.with_suffix(".new")
-        draft.write_text(json.dumps(dict(request)))
+        with naming(draft):
+            draft.write_text(json.dumps(dict(request)))
         draft.rename(stem.with_suffix(ASK))
     except OSError as error:
         raise RequestError(f"{error.filename}: {error.strerror}") from None

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from rmr.base.file_errors import naming
 from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
@@ -52,7 +53,8 @@ def _write_pictures(data: RunData, folder: Path) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for name, picture in PICTURES.items():
         path = folder / f"{name}.svg"
-        path.write_text(picture(data), encoding="utf-8")
+        with naming(path):
+            path.write_text(picture(data), encoding="utf-8")
         print(path)
     return ExitCode.OK
 
@@ -68,6 +70,7 @@ def _write_film(data: RunData, path: Path, speed: float | None) -> int:
     else:
         octets = animation(data, speed).encode()
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(octets)
+    with naming(path):
+        path.write_bytes(octets)
     print(path)
     return ExitCode.OK

@@ -80,8 +80,9 @@ class LogFile(logging.FileHandler):
         logger.removeHandler(self)
         with contextlib.suppress(OSError, ValueError):
             self.close()
-        LogFile.failure = str(error)
-        logger.error("cannot write the log %s any more: %s", self.baseFilename, error)
+        reason = getattr(error, "strerror", None) or error
+        LogFile.failure = f"{self.baseFilename}: {reason}"
+        logger.error("cannot write the log %s any more: %s", self.baseFilename, reason)
 
 
 def start_logging(who: str, file: Path | None) -> logging.Logger:

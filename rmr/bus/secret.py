@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from rmr.base.file_errors import naming
 from rmr.bus.endpoint import BusError
 
 SECRET_FILE: Final = "secret"
@@ -62,10 +63,17 @@ class Secret:
 
 
 def make_secret(path: Path) -> None:
-    """Write a new secret to `path`, which does not exist yet, readable by its owner only. Raises OSError."""
+    """Write a new secret to `path`, which does not exist yet, readable by its owner only.
+
+    Raises OSError, which names the file; half a secret does not stay.
+    """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(f"{USER}:{secrets.token_hex(PASSWORD_OCTETS)}\n")
+    try:
+        with naming(path), os.fdopen(descriptor, "w") as file:
+            file.write(f"{USER}:{secrets.token_hex(PASSWORD_OCTETS)}\n")
+    except OSError:
+        path.unlink()
+        raise
 
 
 def read_secret(path: Path) -> Secret:

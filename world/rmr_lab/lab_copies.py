@@ -6,6 +6,7 @@ The program of a lab may be in another folder. The copy then holds the program i
 import re
 from pathlib import Path
 
+from rmr.base.file_errors import naming
 from rmr_world.document import read
 from rmr_world.provided_labs import LAB_FILE, missing, provided_labs
 
@@ -80,5 +81,6 @@ def _copied_lab_file(text: str, file: Path) -> tuple[str, Path | None]:
 
 def write_file(file: Path, text: str) -> Path:
     """Write `text` to `file` in UTF-8; return `file`. Raises OSError."""
-    file.write_text(text, encoding="utf-8")
+    with naming(file):
+        file.write_text(text, encoding="utf-8")
     return file

@@ -120,7 +120,7 @@ def _from_provided(folder: Path, name: str, origin: str) -> list[Path]:
     files = copy(origin, folder)
     file = folder / LAB_FILE
     text = file.read_text(encoding="utf-8")
-    file.write_text(re.sub(r"^lab:[^\n#]*", f"lab: {name}", text, count=1, flags=re.MULTILINE), encoding="utf-8")
+    write_file(file, re.sub(r"^lab:[^\n#]*", f"lab: {name}", text, count=1, flags=re.MULTILINE))
     program = next(each.name for each in files if each.suffix in {".rmr", ".rbc"})
     return sorted([*files, *_write_test_and_readme(folder, name, program, "")])
 

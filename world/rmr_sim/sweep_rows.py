@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rmr import __version__
+from rmr.base.file_errors import naming
 from rmr_sim.arguments import command_of
 from rmr_sim.seed_run import Row
 from rmr_world.lab import Lab
@@ -85,7 +86,7 @@ class Rows:
         """Write the file with its first line and the rows of earlier runs. Raises OSError."""
         self._path = folder / ROWS_FILE
         partial = self._path.with_suffix(".new")
-        with partial.open("w", encoding="utf-8") as file:
+        with naming(self._path), partial.open("w", encoding="utf-8") as file:
             for line in (first, *rows):
                 _write(file, line)
         partial.replace(self._path)

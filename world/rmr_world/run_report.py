@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rmr.base.file_errors import naming
 from rmr_world.bound import bound_s
 from rmr_world.deadline_bound import best_possible, least_s
 from rmr_world.lab import Lab
@@ -152,13 +153,14 @@ def write(report: Mapping[str, Any], folder: Path) -> Path:
     path = folder / REPORT_FILE
     partial = folder / f".{REPORT_FILE}.{os.getpid()}"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_text(to_json(report), encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
+        with naming(path):
+            folder.mkdir(parents=True, exist_ok=True)
+            partial.write_text(to_json(report), encoding="utf-8")
+            partial.replace(path)
+    except OSError:
         with suppress(OSError):
             partial.unlink()
-        raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
     return path
 
 

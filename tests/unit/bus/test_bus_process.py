@@ -118,7 +118,8 @@ def test_full_disk_is_reported_once_and_the_process_continues_without_its_log(lo
     logger.info("two")
     assert capsys.readouterr().err.splitlines() == [
         "robot: one",
-        "robot: cannot write the log /dev/full any more: [Errno 28] No space left on device",
+        "robot: cannot write the log /dev/full any more: No space left on device",
         "robot: two",
     ]
+    assert LogFile.failure == "/dev/full: No space left on device"
     assert not any(isinstance(handler, LogFile) for handler in logger.handlers)

@@ -1,0 +1,70 @@
+"""A disk that is full before a run: the file is named, and no secret is left behind.
+
+The disk is the kernel's limit of a file's size, in a process of its own: a write beyond it fails, at each file in turn.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.medium
+
+DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
+LIMITED = """
+import resource, signal, sys
+from pathlib import Path
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+"""
+PLAN = """
+from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
+try:
+    make_plan(RunOptions(lab=Path(sys.argv[2]), folder=Path(sys.argv[3])), color=False)
+except RunRefusedError as error:
+    print(error)
+"""
+SECRET = """
+from rmr.bus.secret import make_secret
+try:
+    make_secret(Path(sys.argv[2]))
+except OSError as error:
+    print(error.filename)
+"""
+RECORD = """
+from rmr_deploy.active_runs import write_processes
+try:
+    write_processes(Path(sys.argv[2]), "tcp/127.0.0.1:1", {}, {})
+except OSError as error:
+    print(error.filename)
+"""
+
+
+def limited(octets, script, *words):
+    """Run `script` where no file can be longer than `octets`; return what it prints."""
+    command = [sys.executable, "-B", "-c", LIMITED + script, str(octets), *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize(("octets", "file"), [(0, "secret"), (40, "secret"), (100, "dash.rbc"), (1000, "lab.json")])
+def test_the_file_that_does_not_fit_is_named_and_no_secret_stays(tmp_path, octets, file):
+    folder = tmp_path / "run"
+    said = limited(octets, PLAN, DASH, folder)
+    assert said == f"{folder / file}: File too large; name a run folder that can be written with --run DIR"
+    assert not (folder / "secret").exists()
+
+
+def test_half_a_secret_does_not_stay(tmp_path):
+    path = tmp_path / "lab.secret"
+    assert limited(40, SECRET, path) == str(path)
+    assert not path.exists()
+
+
+def test_half_a_record_of_processes_does_not_stay_and_the_one_before_does(tmp_path):
+    path = tmp_path / "processes.json"
+    path.write_text("{}\n")
+    assert limited(20, RECORD, tmp_path) == str(path)
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("processes.json", "{}\n")]
