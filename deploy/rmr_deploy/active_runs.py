@@ -5,7 +5,8 @@ secret of its bus. A run is under way while its launcher lives and no report has
 
 A copy of this record lies in a folder of the user's, the register, until the run is over. It leads to the runs of all
 folders, and to the processes of a run whose folder has been removed or cannot be read. Every record is checked against
-the processes themselves: a register that was lost, or a launcher that was killed, leaves nothing that misleads.
+the processes themselves: a register that was lost, or a launcher that was killed, leaves nothing that misleads. What
+another user has written, as in a `runs` in a shared folder, is no record of this user's runs and signals nobody.
 """
 
 import json
@@ -157,6 +158,7 @@ def _write(path: Path, record: Mapping[str, Any]) -> None:
     try:
         with naming(path):
             draft.write_text(json.dumps(record, indent=1) + "\n")
+            draft.chmod(0o644)  # whatever the umask: what others can write is believed by nobody
     except OSError:
         draft.unlink(missing_ok=True)
         raise
@@ -223,6 +225,15 @@ def past_runs(runs: Path = RUNS) -> list[LaunchedRun]:
     return [run for run in map(recorded_run, reversed(_folders(runs))) if not run.active]
 
 
+def is_ours(folder: Path) -> bool:
+    """Return whether the record in `folder` is this user's own, whom alone it lets write it."""
+    try:
+        found = (folder / PROCESSES_FILE).stat()
+    except OSError:
+        return False
+    return found.st_uid == os.getuid() and not found.st_mode & 0o022
+
+
 def recorded_run(folder: Path) -> LaunchedRun:
     """Return the run in `folder`; its record is empty if no processes ran there."""
     return LaunchedRun(folder.resolve(), _read(folder))
@@ -256,8 +267,8 @@ def newest_run(runs: Path) -> Path | None:
 
 
 def _folders(runs: Path) -> list[Path]:
-    """Return the folders in `runs` in which processes ran, the newest first."""
-    folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}")]
+    """Return the folders in `runs` in which processes of this user ran, the newest first."""
+    folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}") if is_ours(path.parent)]
     return sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True)
 
 

@@ -47,9 +47,10 @@ def lives(pid: object, mark: object = None) -> bool:
 def signal_process(pid: int, mark: object, number: int, *, group: bool = False) -> bool:
     """Send a signal to the process `pid`, with its `group` if it leads one; return whether it is still that process.
 
-    A process without a recorded `mark` gets none, for it cannot be told from another one.
+    A process without a recorded `mark` gets none, for it cannot be told from another one, and neither does another
+    user's: root could end that, too.
     """
-    if mark is None or not lives(pid, mark):
+    if mark is None or not lives(pid, mark) or not _is_ours(pid):
         return False
     with suppress(ProcessLookupError, PermissionError):
         if group and os.getpgid(pid) == pid:
@@ -57,6 +58,16 @@ def signal_process(pid: int, mark: object, number: int, *, group: bool = False) 
         else:
             os.kill(pid, number)
     return True
+
+
+def _is_ours(pid: int) -> bool:
+    """Return whether the process is this user's; elsewhere than on Linux the kernel alone decides."""
+    if sys.platform != "linux":
+        return True
+    try:
+        return Path(f"/proc/{pid}").stat().st_uid == os.getuid()
+    except OSError:
+        return False
 
 
 @cache

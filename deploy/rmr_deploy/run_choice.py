@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rmr.base.ids import spelled
 from rmr.entry import ExitCode
-from rmr_deploy.active_runs import RUNS, LaunchedRun, active_runs, past_runs, recorded_run
+from rmr_deploy.active_runs import RUNS, LaunchedRun, active_runs, is_ours, past_runs, recorded_run
 
 
 class FleetError(Exception):
@@ -44,6 +44,10 @@ def _named(folder: Path, *, past: bool) -> LaunchedRun:
     run = recorded_run(folder)
     if not run.record:
         raise FleetError(f"{folder} is no folder of a run of processes: rmr up makes one")
+    if not past and not is_ours(folder):
+        raise FleetError(
+            f"the run in {folder} is another user's, or others can write its record: its own user orders it"
+        )
     if not past:
         raise FleetError(f"the run in {folder} is over; rmr ls shows what runs", ExitCode.FAILED)
     return run

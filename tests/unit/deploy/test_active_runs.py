@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from command_runner import invoke
 
 from rmr.bus import secret
 from rmr_deploy import active_runs as runs_module
@@ -20,9 +21,11 @@ from rmr_deploy.active_runs import (
     write_end,
     write_processes,
 )
+from rmr_deploy.fleet import command
 from rmr_deploy.process_identity import lives, signal_process, start_mark
 from rmr_world import run_report
 
+OTHER_USER = os.getuid() + 1
 LAB = {"name": "hall", "file": "lab.yaml", "robots": 2, "seed": 7, "roster": [1, 2]}
 
 
@@ -145,6 +148,40 @@ def test_start_of_a_process_that_has_ended_is_kept(here, idle):
     assert [one.mark for one in run.processes] == [mark, start_mark(os.getpid())]
     assert [one.name for one in run.living] == ["robot-1.1"]
     assert (folder / PROCESSES_FILE).stat().st_mtime_ns == written, "the age of the record is that of the run"
+
+
+@pytest.mark.parametrize("whose", ["another user's", "writable by others"])
+def test_a_record_that_another_user_can_have_written_names_no_run_and_ends_no_process(here, idle, monkeypatch, whose):
+    folder = folder_of_run(here / "runs")
+    write_processes(folder, "tcp/127.0.0.1:7", {"world": idle.pid}, LAB)
+    next(register().iterdir()).unlink()
+    assert [run.folder for run in active_runs()] == [folder]
+    if whose == "writable by others":
+        (folder / PROCESSES_FILE).chmod(0o666)
+    else:
+        monkeypatch.setattr(os, "getuid", lambda: OTHER_USER)
+    assert active_runs() == []
+    for words, why in ((["down"], "no lab runs on this machine"), (["down", "--run", "runs/one"], "another user's")):
+        answer = invoke(command(), words, name="rmr")
+        assert answer.exit_code == 2
+        assert why in answer.stderr
+    assert idle.poll() is None
+
+
+def test_a_record_is_its_users_own_whatever_the_umask(here):
+    before = os.umask(0)
+    try:
+        folder = folder_of_run(here / "runs")
+        write_processes(folder, "tcp/127.0.0.1:7", {}, LAB)
+    finally:
+        os.umask(before)
+    assert [run.folder for run in active_runs()] == [folder]
+
+
+def test_process_of_another_user_is_not_signalled_by_root_either(idle, monkeypatch):
+    monkeypatch.setattr(os, "getuid", lambda: OTHER_USER)
+    assert not signal_process(idle.pid, start_mark(idle.pid), signal.SIGKILL)
+    assert idle.poll() is None
 
 
 def test_register_that_others_can_write_is_not_used(here):
