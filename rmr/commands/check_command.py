@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 ABOUT = """\
 Check programs and labs and print what is wrong with them.
 
-LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run.
+LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run. Its Python files of
+actions and events are executed, as a run does: look into a lab that is not yours, or say --no-code.
 
 With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
 which time assertions and how, what each rule needs and sends, and whether all robots can be run at once; for each lab,
@@ -31,12 +32,14 @@ def _declare(parser: Parser) -> None:
     parser.flag("--json", dest="as_json", help="Print the diagnostics as one JSON list on stdout.")
     parser.flag("--explain", help="Also say which rules reach which goals, and so on.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw a lab: floor, areas, robots and their ways.")
+    parser.flag("--no-code", help="Execute no Python file of a lab: those of actions and events are not checked.")
 
 
-def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None) -> int:
+def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
     """Check programs; a command line with a lab is that of `rmr lab check`."""
     if svg is not None or any(_is_lab(path) for path in programs):
-        flags = [*(["--json"] if as_json else []), *(["--explain"] if explain else [])]
+        given = {"--json": as_json, "--explain": explain, "--no-code": no_code}
+        flags = [flag for flag, is_given in given.items() if is_given]
         options = [*flags, *([] if svg is None else ["--svg", os.fspath(svg)])]
         become_program("lab", ["check", *options, "--", *map(os.fspath, programs)])
     from rmr.lang.compiler import compile_file

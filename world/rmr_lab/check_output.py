@@ -18,9 +18,12 @@ from rmr_world.narrow_places import narrow_places
 from rmr_world.validate.first_instant import first_destinations
 
 
-def perform(paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | None) -> int:
-    """Check `paths`, print the findings, explain the labs, draw one if `svg` is given; return the exit code."""
-    found = [check(path) for path in paths]
+def perform(paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | None, execute: bool) -> int:
+    """Check `paths`, print the findings, explain the labs, draw one if `svg` is given; return the exit code.
+
+    `execute`: Python files of the labs are executed.
+    """
+    found = [check(path, execute=execute) for path in paths]
     explained = _explained(found) if explain else []
     if as_json:
         listed = [entry for each in found for entry in each.as_json()]

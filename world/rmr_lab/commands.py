@@ -19,9 +19,10 @@ def _declare_check(parser: Parser) -> None:
     parser.flag("--json", dest="as_json", help="Print the findings as one JSON list on stdout.")
     parser.flag("--explain", help="Also list the passages, who needs them, and what turns cover.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw the lab: floor, areas, robots and their ways.")
+    parser.flag("--no-code", help="Execute no Python file: those of actions and events are not checked.")
 
 
-def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None) -> int:
+def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
     """Check labs, and programs by themselves; return the exit code."""
     from rmr_lab.check_output import perform
 
@@ -31,7 +32,7 @@ def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None) ->
         raise CommandLineError("--svg draws a lab: name a lab file or its folder, not a program")
     if explain and any(path.suffix == ".rmr" for path in paths):
         raise CommandLineError("--explain explains labs or programs: name one kind at a time")
-    return perform(paths, as_json=as_json, explain=explain, svg=svg)
+    return perform(paths, as_json=as_json, explain=explain, svg=svg, execute=not no_code)
 
 
 _CHECK = Command(
@@ -39,6 +40,7 @@ _CHECK = Command(
 Check LAB, a lab.yaml, its folder or a provided lab, and all that is judged before it runs.
 
 That is the lab file, its program, whether both fit, deadlines, ways, turns, and the files of actions and events.
+These are Python files and are executed, as a run does: look into a lab that is not yours, or say --no-code.
 A program, PROG.rmr, is checked by itself.
 """,
     _declare_check,

@@ -2,6 +2,9 @@
 
 Checked are the lab file, its program, both together, the radio's key, and the files of actions and events. As many
 errors as possible are reported at once: the program of a wrong lab file is compiled, too.
+
+A file of actions or events is a Python file: what it registers is known when it has been executed, as a run does. That
+is said before it is done, for a lab may come from elsewhere, and can be declined.
 """
 
 import re
@@ -66,8 +69,11 @@ class CheckResult:
         return render_text(self.diagnostics, self.sources, color) + lines
 
 
-def check(path: Path) -> CheckResult:
-    """Check `path`: a program, a lab file, a lab's folder, or the name of a provided lab."""
+def check(path: Path, *, execute: bool = True) -> CheckResult:
+    """Check `path`: a program, a lab file, a lab's folder, or the name of a provided lab.
+
+    `execute`: Python files that a lab names are executed, which is said on standard error; else they are not checked.
+    """
     found = CheckResult(path)
     if path.suffix == ".rmr":
         _compile(found, path, ())
@@ -88,7 +94,11 @@ def check(path: Path) -> CheckResult:
     if found.program is None:
         return found
     found.findings += run_findings(lab, found.program)
-    found.findings += [*_handlers(lab, found.program), *_events(lab)]
+    _say_executed(path, lab, execute=execute)
+    if execute:
+        found.findings += [*_handlers(lab, found.program), *_events(lab)]
+    elif lab.actions is None:
+        found.findings += _handlers(lab, found.program)
     found.findings.sort()
     return found
 
@@ -125,6 +135,14 @@ def _compile_of_wrong_lab(found: CheckResult, file: Path) -> None:
     if isinstance(name, str) and Path(name).suffix in PROGRAM_SUFFIXES and (file.parent / name).is_file():
         stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
         _load(found, file.parent / name, stated)
+
+
+def _say_executed(path: Path, lab: Lab, *, execute: bool) -> None:
+    """Say which Python files of the lab are about to be executed, or are not."""
+    names = " and ".join(file.name for file in (lab.actions, lab.events) if file is not None)
+    if names:
+        how = "executed, as by a run (not with --no-code)" if execute else "not executed, and so not checked"
+        print(f"{path}: {names}: {how}", file=sys.stderr, flush=True)
 
 
 def _handlers(lab: Lab, program: Program) -> Iterable[Finding]:

@@ -118,6 +118,30 @@ def test_mistake_in_the_actions_file_is_reported_with_its_line(tmp_path, actions
     assert message in words
 
 
+def test_python_files_are_executed_only_after_that_is_said_and_not_at_all_with_no_code(tmp_path):
+    folder = room(tmp_path, lab=LAB + "events: what.py\n", actions="print('runs')\n" + ACTIONS)
+    (folder / "what.py").write_text("print('runs, too')\ndef events(lab, seed):\n    return []\n")
+    said = check(folder).stderr.splitlines()
+    assert said[:3] == [
+        f"{folder}: actions.py and what.py: executed, as by a run (not with --no-code)",
+        "runs",
+        "runs, too",
+    ]
+    spared = check("--no-code", folder)
+    assert spared.exit_code == 0
+    assert spared.stderr.splitlines()[0] == f"{folder}: actions.py and what.py: not executed, and so not checked"
+    assert "runs" not in spared.stderr + spared.stdout
+
+
+def test_a_lab_without_python_files_is_checked_as_ever_with_no_code(tmp_path):
+    folder = room(tmp_path, lab=LAB.replace("actions: actions.py\n", ""))
+    for words in ((), ("--no-code",)):
+        answer = check(*words, folder)
+        assert answer.exit_code == 3
+        assert "no handler for action pack: " in answer.stderr
+        assert "executed" not in answer.stderr
+
+
 def test_mistake_in_the_events_file_is_reported_with_its_line(tmp_path):
     folder = room(tmp_path, lab=LAB + "events: what.py\n")
     (folder / "what.py").write_text("def events(lab, seed):\n    return lab.nothing\n")
