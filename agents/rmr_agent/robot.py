@@ -127,10 +127,10 @@ class HostedRobot:
             await self._leave()
 
     async def _lives_in_a_row(self, tasks: list[asyncio.Future[None]]) -> None:
-        world = None
+        world: int | None = None
         while True:
             self._rejoin.clear()
-            known = await self._join()
+            known = await self._join(world)
             if not tasks:
                 self._listen()
                 tasks += [asyncio.ensure_future(self._keep_time()), asyncio.ensure_future(self._tell())]
@@ -144,12 +144,18 @@ class HostedRobot:
             self._lost = False
             await self._rejoin.wait()
 
-    async def _join(self) -> wire.Envelope:
-        """Return what the world tells the robot, in its envelope. A refusal asks for the end of the process."""
+    async def _join(self, before: int | None) -> wire.Envelope:
+        """Return what the world tells the robot, in its envelope. A refusal asks for the end of the process.
+
+        `before` is the session of the robot's world so far: while that answers, no other one counts, and what tells of
+        another lab than was asked for is no answer.
+        """
         patience_s = time.monotonic() + TAKEN_PATIENCE_S
         while True:
             replies = await self._bus.ask(self._keys.map, wire.AskMap(self._robot, self._token), ASK_S)
             maps = [(envelope, envelope.body) for envelope, _ in replies if isinstance(envelope.body, wire.Map)]
+            maps = [answer for answer in maps if self._keys.lab in (ANY_LAB, answer[1].lab)]
+            maps = [answer for answer in maps if answer[0].run == before] or maps
             labs = sorted({known.lab for _, known in maps})
             if len(labs) > 1:
                 self._ending.ask(

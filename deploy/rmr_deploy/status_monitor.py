@@ -6,20 +6,54 @@ the last one of each sender is marked as final.
 
 After the process of a robot has ended, the robot is absent until the liveliness token of another process shows. What
 was published under the session number of the ended process then belongs to an earlier incarnation.
+
+In the name of a robot whose token is there, or of the world, several sessions may speak: a process and the next one, or
+forged messages. The one that was heard first is believed, unless it has fallen silent or lost its token.
 """
 
+import math
+import time
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
-from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
+from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 
 AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
+
+
+SILENT_S: Final = 10.0
+"""Time without a status after which a session is taken for over: a process sends two a second."""
+SESSIONS_MAX: Final = 1000
+"""Sessions in one sender's name that are told apart."""
+
+
+class _Speakers:
+    """The sessions that speak in one sender's name."""
+
+    def __init__(self) -> None:
+        self._heard: dict[int, float] = {}
+        """When each was heard last, monotonic seconds; in the order in which they were heard first."""
+
+    def believed(self, run: int) -> bool:
+        """Take note that the session `run` was heard; return whether it is believed."""
+        now = time.monotonic()
+        if run not in self._heard and len(self._heard) >= SESSIONS_MAX:
+            self._heard = {other: at for other, at in self._heard.items() if now - at < SILENT_S}
+            if len(self._heard) >= SESSIONS_MAX:
+                return False
+        self._heard[run] = now
+        return run == next(other for other, at in self._heard.items() if now - at < SILENT_S)
+
+    def vanished(self) -> None:
+        """Note that the sender's token has vanished: whoever speaks next may be its next process."""
+        self._heard = dict.fromkeys(self._heard, -math.inf)
 
 
 class StatusMonitor:
@@ -36,6 +70,8 @@ class StatusMonitor:
         """Robots with a liveliness token."""
         self._sessions: dict[int, int] = {}
         """Session number of each robot's newest status."""
+        self._speakers: defaultdict[int, _Speakers] = defaultdict(_Speakers)
+        """By sender."""
         self._dead_sessions: dict[int, set[int]] = {}
         self._parts: dict[int, Mapping[str, Any]] = {}
         """The newest part of the report of each robot's present incarnation."""
@@ -44,6 +80,7 @@ class StatusMonitor:
         bus.subscribe(self._keys.statuses, self._status, whole=True)
         bus.subscribe(self._keys.truth, self._truth)
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
+        bus.watch_alive(self._keys.alive(WORLD_ROLE, "*"), self._world_alive)
 
     @classmethod
     async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":
@@ -57,25 +94,41 @@ class StatusMonitor:
         if not isinstance(message.body, wire.Status):
             return
         if message.sender == wire.WORLD_ID:
-            self.world = message.body
-        elif message.sender >= 0 and message.run not in self._dead_sessions.get(message.sender, ()):
+            if self._speaks(message):
+                self.world = message.body
+        elif (
+            message.sender >= 0
+            and message.run not in self._dead_sessions.get(message.sender, ())
+            and (message.sender not in self.present or self._speaks(message))
+        ):
             self.robots[message.sender] = message.body
             self._sessions[message.sender] = message.run
             if message.body.report:
                 self._parts[message.sender] = message.body.report
 
     def _truth(self, _key: str, message: wire.Envelope) -> None:
-        if isinstance(message.body, wire.Truth):
+        if isinstance(message.body, wire.Truth) and message.sender == wire.WORLD_ID and self._speaks(message):
             self.truth = message.body
+
+    def _speaks(self, message: wire.Envelope) -> bool:
+        """Return whether `message` is of the session that is believed to be its sender's."""
+        return self._speakers[message.sender].believed(message.run)
 
     def _alive(self, key: str, alive: bool) -> None:
         robot = last_id(key)
         if robot is not None:
             (self.present.add if alive else self.present.discard)(robot)
+            if not alive:
+                self._speakers[robot].vanished()
+
+    def _world_alive(self, _key: str, alive: bool) -> None:
+        if not alive:
+            self._speakers[wire.WORLD_ID].vanished()
 
     def retire(self, robot: int) -> None:
         """Note that the process of `robot` has ended: a token that shows from now on is of its next incarnation."""
         self.present.discard(robot)
+        self._speakers[robot].vanished()
         if robot in self._sessions:
             self._dead_sessions.setdefault(robot, set()).add(self._sessions[robot])
         if robot in self._parts:
@@ -85,7 +138,8 @@ class StatusMonitor:
     @property
     def now(self) -> Instant:
         """The newest lab time in a message; 0 before the lab clock runs."""
-        stamps = [status.stamp for status in self.robots.values()]
+        speakers = self.present & self.robots.keys() or self.robots
+        stamps = [self.robots[robot].stamp for robot in speakers]
         stamps += [said.stamp for said in (self.world, self.truth) if said is not None]
         return max(stamps, default=0)
 

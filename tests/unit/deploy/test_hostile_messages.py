@@ -263,6 +263,24 @@ def test_robot_survives_forged_maps():
     undisturbed(scene)
 
 
+@pytest.mark.parametrize("change", [{"lab": "other"}, {"listed": False}, {"taken": True}, {"roster": (7,)}], ids=str)
+def test_robot_that_asks_its_world_again_takes_no_answer_of_another(change):
+    forged = wire.Envelope(wire.WORLD_ID, 4, 1, MAP._replace(**change))
+    true = wire.Envelope(wire.WORLD_ID, 9, 1, MAP)
+
+    async def scene() -> None:
+        robot = hosted(Process(1), MAP)
+
+        async def ask(*_: Any) -> list[tuple[wire.Envelope, int]]:
+            return [(forged, 0), (true, 0)]
+
+        robot._bus.ask = ask  # type: ignore[method-assign]
+        assert await robot._join(9) is true
+        assert not robot._ending.asked
+
+    undisturbed(scene)
+
+
 def test_world_survives_hostile_messages_on_its_keys():
     async def scene() -> None:
         process = Process(wire.WORLD_ID)
@@ -297,6 +315,7 @@ def test_launcher_survives_hostile_messages_on_its_keys(tmp_path):
     async def scene() -> None:
         process = Process(wire.OPERATOR_ID)
         watch = StatusMonitor(process.bus, "dash")
+        watch._alive("rmr/dash/alive/robot/1", True)
         for message in of_kind(wire.Status, wire.Truth):
             for data in hostile(message):
                 before = process.bus.losses.malformed

@@ -1,0 +1,97 @@
+"""Whom a launcher believes: the session that was heard first, unless it is over."""
+
+from types import SimpleNamespace
+
+from rmr.base.time import seconds
+from rmr.bus import wire
+from rmr.bus.keys import Keys
+from rmr_deploy import status_monitor
+from rmr_deploy.status_monitor import SESSIONS_MAX, SILENT_S, StatusMonitor
+
+KEYS = Keys("dash")
+
+
+class Launcher:
+    """A launcher's view of robot 1, and the bus on which it is."""
+
+    def __init__(self, monkeypatch):
+        self.now = 0.0
+        monkeypatch.setattr(status_monitor, "time", SimpleNamespace(monotonic=lambda: self.now))
+        self.handlers = {}
+        self.tokens = {}
+        self.monitor = StatusMonitor(self, "dash")
+        self.number = 0
+        self.token(there=True)
+
+    def subscribe(self, key, handler, *, whole=False):
+        self.handlers[key] = handler
+
+    def watch_alive(self, key, handler):
+        self.tokens[key] = handler
+
+    def token(self, *, there):
+        self.tokens[KEYS.alive("robot", "*")](KEYS.alive("robot", 1), there)
+
+    def says(self, run, sender=1, state="running"):
+        """Let a session say something; return whether it is believed."""
+        self.number += 1
+        said = wire.Status(state, f"{run}, {self.number}", False, False, seconds(1), {})
+        self.handlers[KEYS.statuses](KEYS.status(sender), wire.Envelope(sender, run, self.number, said))
+        held = self.monitor.world if sender < 0 else self.monitor.robots.get(sender)
+        return held is not None and held.progress == said.progress
+
+
+def test_a_forged_status_is_dropped_as_long_as_the_robots_own_session_speaks(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    for sender in (1, wire.WORLD_ID):
+        assert launcher.says(7, sender)
+        for forged in range(100, 130):
+            assert not launcher.says(forged, sender, "failed")
+        assert launcher.says(7, sender)
+
+
+def test_a_successor_is_believed_when_the_token_has_vanished_and_the_predecessor_if_it_comes_back(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    assert launcher.says(7)
+    launcher.token(there=False)
+    launcher.token(there=True)
+    assert launcher.says(8)
+    assert launcher.says(7), "it had lost its connection"
+    assert not launcher.says(8)
+
+
+def test_a_robot_that_was_restarted_by_its_launcher_is_believed_at_once(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    assert launcher.says(7)
+    launcher.monitor.retire(1)
+    launcher.token(there=True)
+    assert launcher.says(8)
+    assert not launcher.says(7)
+
+
+def test_a_session_that_has_fallen_silent_gives_way_until_it_speaks_again(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    assert launcher.says(7)
+    launcher.now = SILENT_S - 0.1
+    assert not launcher.says(8)
+    launcher.now = SILENT_S
+    assert launcher.says(8)
+    assert launcher.says(7)
+    assert not launcher.says(8)
+
+
+def test_sessions_without_number_are_bounded_and_the_first_goes_on(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    assert launcher.says(7)
+    for forged in range(100, 100 + 2 * SESSIONS_MAX):
+        assert not launcher.says(forged)
+    assert len(launcher.monitor._speakers[1]._heard) == SESSIONS_MAX
+    assert launcher.says(7)
+
+
+def test_the_time_is_told_by_those_who_are_there(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    launcher.says(7)
+    launcher.says(8, sender=9)
+    launcher.monitor.robots[9] = launcher.monitor.robots[9]._replace(stamp=1 << 60)
+    assert launcher.monitor.now == seconds(1)
