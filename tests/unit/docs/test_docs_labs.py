@@ -181,7 +181,7 @@ def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_other
 
 def test_the_commands_of_rmr_lab_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr check LAB") + section(PAGE, "rmr lab") + section(PAGE, "rmr new NAME")
-    documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+)[^`]*`", text)) - {"--help", "-h", "--version"}
+    documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+(?:-[a-z]+)*)[^`]*`", text)) - {"--help", "-h", "--version"}
     commands = [*(entry.load() for entry in lab.commands.values()), new]
     offered = {name for each in commands for name in each.parser("x").names}
     assert documented == offered - {"--help", "-h", "--version"}

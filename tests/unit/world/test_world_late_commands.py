@@ -20,7 +20,7 @@ def world(monkeypatch):
     return held
 
 
-def commanded(held: Held, delay: int, ticks: int, first: int = 10) -> Instant:
+def commanded(held: Held, delay: int, ticks: int, first: int = 12) -> Instant:
     """Let commands arrive once a tick, `delay` after they were decided; return when the last one came."""
     for tick in range(first, first + ticks):
         held.now = tick_start(tick)
@@ -39,7 +39,7 @@ def test_robot_that_brakes_for_late_commands_is_told_once_and_again_after_a_whil
     with caplog.at_level(logging.WARNING, logger="rmr"):
         commanded(world, milliseconds(180), ROW_MIN - 1)
         assert not caplog.records
-        commanded(world, milliseconds(180), 30, first=10 + ROW_MIN - 1)
+        commanded(world, milliseconds(180), 30, first=12 + ROW_MIN - 1)
         assert [record.getMessage() for record in caplog.records] == [
             "robot 1 brakes: its wheel commands arrive 180 ms late, and after 100 ms they are dropped; "
             "the bus is delayed or the machine is too slow"
@@ -50,7 +50,7 @@ def test_robot_that_brakes_for_late_commands_is_told_once_and_again_after_a_whil
 
 def test_single_late_commands_are_no_reason_to_warn(world, caplog):
     with caplog.at_level(logging.WARNING, logger="rmr"):
-        for tick in range(10, 100, 2):
+        for tick in range(12, 100, 2):
             commanded(world, milliseconds(180), 1, first=tick)
             commanded(world, 0, 1, first=tick + 1)
     assert not caplog.records
