@@ -146,7 +146,7 @@ class Driver:
             if self._located:
                 navigator.relocate(now, pose)
             self._located = self.localiser.located
-        if navigator.status == "moving":
+        if navigator.status in ("moving", "blocked"):
             self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL

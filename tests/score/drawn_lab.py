@@ -36,7 +36,7 @@ NEAR: Final = 0.7
 """Share of labs whose robots are near the default in radius, and of those in speed."""
 CROSSED_S_MAX: Final = 30.0
 """Time for the diagonal of the floor at full speed, at most: slower robots are made faster, up to the fastest."""
-DURATION_S: Final = (45.0, 240.0)
+DURATION_S: Final = (45.0, 900.0)
 """Range of the duration of a run."""
 CELLS_MAX: Final = 200_000
 """Cells of the planning grid, of which a lab file may have 250,000."""
@@ -115,7 +115,7 @@ def _with_room(seed: int, room: float) -> DrawnLab:
     _name(stream(f"drawn/{seed}/naming"), lab, floor, naming, shape)
     kinds["beacons"] = _beacons(stream(f"drawn/{seed}/beacons"), lab, floor)
     _disturb(stream(f"drawn/{seed}/radio"), lab)
-    lab["duration"] = f"{_duration_s(shape, work, exclusive=word == 'assert' and naming == 'none'):.0f}s"
+    lab["duration"] = f"{_duration_s(shape, work, exclusive=word == 'assert' or naming != 'none'):.0f}s"
     if image:
         lab["map"] = "floor.pgm"
         del lab["obstacles"]
@@ -241,7 +241,10 @@ def _disturb(rng: Random, lab: dict[str, Any]) -> None:
 
 
 def _duration_s(shape: Shape, work: Work, *, exclusive: bool) -> float:
-    """Return several times what robots need that wait for each other now and then."""
+    """Return several times what robots need that wait for each other now and then, `exclusive`: one after the other.
+
+    Events of a time assertion exclude each other, and so do drives through a passage.
+    """
     alone = sum(work.ideal_s) if exclusive else max(work.ideal_s, default=0.0)
     queue = len(work.ideal_s) * work.legs * (6.0 * shape.radius / shape.speed + 2.0)
     return min(max(DURATION_S[0], 20.0 + 2.5 * alone + 1.2 * queue), DURATION_S[1])

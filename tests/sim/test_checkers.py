@@ -539,10 +539,19 @@ go(R) -o goto(R, 0.2, 0.2).
 
 def test_a_robot_that_moves_to_and_fro_before_its_goal_gets_no_nearer(tmp_path, monkeypatch):
     monkeypatch.setattr(BarredDrive, "look", lambda *_, **__: None)  # nothing ends the drive
-    simulation = small_lab(tmp_path, KEPT, robots=2, finish="done(R)", duration="200s")
+    without = frozenset({"goal"})  # else it stands
+    simulation = small_lab(tmp_path, KEPT, robots=2, finish="done(R)", duration="200s", without=without)
     assert not simulation.run()
     words = next(words for check, robots, words in found(simulation) if check == "no nearer" and robots == (2,))
     assert re.match(r"robot 2 has come no nearer to the goal of goto\(@2, 0.2, 0.2\) for \d+ s and \d+\.\d m", words)
+
+
+def test_a_robot_that_waits_for_a_goal_that_another_one_keeps_stands_still(tmp_path, monkeypatch):
+    monkeypatch.setattr(BarredDrive, "look", lambda *_, **__: None)
+    simulation = small_lab(tmp_path, KEPT, robots=2, finish="done(R)", duration="100s")
+    assert not simulation.run()
+    words = "robot 2 has stood still for 30 s; it waits for its goal, which robot 1 has first"
+    assert ("stands still", (2,), words) in found(simulation)
 
 
 def test_a_robot_whose_machine_reports_all_the_time_gets_no_nearer_all_the_same(tmp_path, monkeypatch):

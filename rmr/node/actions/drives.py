@@ -154,7 +154,9 @@ class BarredDrive:
         else:
             barred_for = min(barred_for, now - self._waited_until)
             allowed = seconds(STUCK_S)
-        if barred_for > allowed:
+        # Inside a passage a robot drives on: where it stood for another turn, nobody could pass.
+        inside = node.motion.passed_gate and not node.motion.cleared
+        if barred_for > allowed and not inside:
             raise ActionFailed(_no_way(node, goal))
 
 

@@ -1,8 +1,8 @@
-"""A robot that waits for its turn where the one whose turn it is wants to go, or in its only way there: it makes room.
+"""A robot that waits for its turn where another one wants to go, or in the only way of the one whose turn it is.
 
-It would leave with its own turn, but that comes only when the other one has arrived. So it drives to free floor, off
-the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and the drive of the
-other one fails with that reason.
+It makes room: it would leave with its own turn, but that may come only when the other one has arrived. So it drives to
+free floor, off the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and the
+drive of the other one fails with that reason.
 """
 
 from collections.abc import Sequence
@@ -31,17 +31,20 @@ class Trip(NamedTuple):
 
 
 class MakingRoom:
-    """Looks whether one robot that waits for its turn is in the way of the one whose turn it is."""
+    """Looks whether one robot that waits for its turn is in the way of another one."""
 
     def __init__(self, robot: CrossingHost) -> None:
         self._robot = robot
         self._look_at: Instant = 0
         self._tries = 0
         self._seen: dict[int, tuple[Point, Instant]] = {}
-        """Where each robot inside is that has got nowhere since, and since when."""
+        """Where each robot that drives is that has got nowhere since, and since when."""
 
     def step(self, now: Instant, crossing: Crossing, inside: Sequence[int]) -> None:
-        """Drive out of the way of a robot that is `inside` the resource of `crossing`, if this one waits in it."""
+        """Drive out of the way of a robot that gets nowhere, if this one waits for `crossing`.
+
+        One that is `inside` may want to pass; any other one that drives may want to come here.
+        """
         robot = self._robot
         driver = robot.driver
         pose = robot.pose
@@ -49,10 +52,12 @@ class MakingRoom:
         if now < self._look_at or driver is None or pose is None or held is None or held.started is not None:
             return
         self._look_at = now + LOOK_EVERY
-        self._seen = {other: seen for other, seen in self._seen.items() if other in inside}
         here = Point(pose.x, pose.y)
+        reach = 2.0 * driver.arena.shape.radius + TIGHT_MARGIN_M
         for other, hello in robot.peers.claims(now):
-            if other not in inside or hello.goal is None:
+            comes = hello.goal is not None and distance(*hello.goal, *here) < reach
+            if hello.goal is None or (other not in inside and (hello.parked or not comes)):
+                self._seen.pop(other, None)
                 continue
             trip = Trip(Point(hello.x, hello.y), Point(*hello.goal))
             if not self._gets_nowhere(now, other, trip.start):

@@ -14,8 +14,9 @@ from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant
 from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
-from rmr.node.motion.follow import Follower
+from rmr.node.motion.follow import Follower, braking_speed
 from rmr.node.motion.gate import EntryGate
+from rmr.node.motion.goal_queue import SLACK_RADII, hold_m
 from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.queueing import waits_in_queue
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -54,6 +55,7 @@ class HazardScene:
     """The input of the rules. One object per robot, updated each tick."""
 
     __slots__ = (
+        "ahead",
         "arena",
         "bodies",
         "cap",
@@ -85,6 +87,8 @@ class HazardScene:
         self.right_of_way = 1.0
         """The share of full speed that keeps clear of those that go first."""
         self.parked: tuple[Point, ...] = ()
+        self.ahead = 0
+        """How many robots have the goal first."""
         self.twist = Twist(0.0, 0.0)
         """The wheel command that the rules for bodies judge."""
         self.cap = 0.0
@@ -172,6 +176,19 @@ class QueueRule(Hazard):
             return v
         at = Point(around.pose.x, around.pose.y)
         return 0.0 if waits_in_queue(around.arena, at, around.parked) else v
+
+
+class GoalRule(Hazard):
+    """The queue for a goal."""
+
+    def limit(self, around: HazardScene, v: float) -> float:
+        """Return `v`, or less: a robot whose goal is taken waits before it."""
+        follower = around.follower
+        if not around.ahead or follower is None:
+            return v
+        shape = around.arena.shape
+        room = hold_m(follower.route, shape, around.ahead) - follower.s
+        return v if room < -SLACK_RADII * shape.radius else min(v, braking_speed(room))
 
 
 class DangerRule(Hazard):

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from rmr.base.geometry import Point, Pose, distance, point_segment_distance
 from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
+from rmr.node.motion.goal_queue import WAITING_RADII
 from rmr.node.motion.hazards import HazardScene
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.obstruction import closest_solid, obstruction, robots_listed, robots_named
@@ -65,6 +66,8 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
             return Hindrance(rule, _going_first(navigator, others))
         case "queue":
             return Hindrance(rule, _ahead_in_queue(navigator, others))
+        case "goal":
+            return Hindrance(rule, _at_goal(navigator, others))
         case "danger" | "stopping" | "arc":
             return _behind_bodies(scene, rule, others)
         case "reverse_guard":
@@ -92,6 +95,7 @@ _CLAUSES: Final = {
     "overdue": "it waits to hear {}",
     "right_of_way": "it gives {} the right of way",
     "queue": "it waits behind {} in the queue",
+    "goal": "it waits for its goal, which {} has first",
     "danger": "it stands for {}",
     "stopping": "it stands for {}",
     "arc": "it stands for {}",
@@ -148,6 +152,15 @@ def _ahead_in_queue(navigator: Navigator, others: Neighbourhood) -> tuple[int, .
     reach = queue_reach(navigator.arena.shape)
     near = {robot: place for robot, place in others.standing.items() if distance(*place, *at) < reach}
     return tuple(robot for robot, place in near.items() if not off_queue(navigator.arena, at, [place]))
+
+
+def _at_goal(navigator: Navigator, others: Neighbourhood) -> tuple[int, ...]:
+    """Return the robot that is nearest to the goal of this one."""
+    goal = navigator.goal
+    if goal is None:
+        return ()
+    robot = nearest(others.places, *goal, WAITING_RADII * navigator.arena.shape.radius)
+    return () if robot is None else (robot,)
 
 
 def _behind_bodies(scene: HazardScene, rule: str, others: Neighbourhood) -> Hindrance:

@@ -14,13 +14,14 @@ from collections.abc import Collection, Sequence
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
+from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import time_left
 from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.grid import discs_around, same_places
+from rmr.node.motion.goal_queue import robots_ahead
+from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again
@@ -43,9 +44,9 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost", "_next_try",
-        "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
-        "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
+        "_ahead", "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost",
+        "_next_try", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way",
+        "_stand_off", "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1, switches: RuleSwitches | None = None) -> None:
@@ -74,6 +75,8 @@ class Navigator:
         self._excursion: Excursion | None = None
         self._right_of_way = 1.0
         """The share of full speed that keeps clear of robots that go first."""
+        self._ahead = 0
+        """How many robots have the goal first."""
         self._v = 0.0
         """The speed of the last command, m/s."""
         self._stand_off = DeadlockDetector(robot, arena.shape)
@@ -147,6 +150,11 @@ class Navigator:
         self._standing.update(now, others)
         follower = self._follower
         stands = self._standing.points
+        order = self._order
+        at = Point(self._pose.x, self._pose.y)
+        self._ahead = 0
+        if order is not None and self._excursion is None:
+            self._ahead = robots_ahead(order.goal, at, mine, self.arena.shape, others, self._parked)
         # Before and within the bottleneck the schedule decides who goes first, not this rule.
         if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
             self._right_of_way = 1.0
@@ -185,6 +193,7 @@ class Navigator:
         self._replan_due = self._as_if_left = False
         self._reverse_until = 0
         self._right_of_way = 1.0
+        self._ahead = 0
         self._v = 0.0
 
     def step(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
@@ -222,7 +231,8 @@ class Navigator:
     def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
         control = self.control
-        cap = control.cap(follower, self._gate, self._right_of_way, self._queueing)
+        ahead = 0 if self._excursion is not None else self._ahead
+        cap = control.cap(follower, self._gate, self._right_of_way, self._queueing, ahead)
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
         if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M and control.leads_to_wall(wish):
@@ -258,13 +268,28 @@ class Navigator:
             return True
         follower = self._follower
         if follower is None:
-            return now >= self._next_try and self._replan(now, pose)
+            return now >= self._next_try and (self._replan(now, pose) or self._leaves_goal(now, pose))
         if not self._replan_due or self._excursion is not None:
             return True  # an excursion ends with a new plan anyway
         # A robot that will stand for long replans later: others will have moved by then, and a plan takes milliseconds.
         if not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
+        return True
+
+    def _leaves_goal(self, now: Instant, pose: Pose) -> bool:
+        """Begin to drive off another one's goal, if this robot has no route and stands there; return whether it does.
+
+        Else two or more would stand for good on each other's goals.
+        """
+        reach = 2.0 * self.arena.shape.radius + TIGHT_MARGIN_M
+        stand = self._standing.points
+        goals = [other.goal for other in self._driving if other.robot in stand and other.goal is not None]
+        if not any(distance(*goal, pose.x, pose.y) < reach for goal in goals):
+            return False
+        if not self._escape(now, pose, DeadlockCause.ON_A_GOAL):
+            return False
+        self.status = "moving"
         return True
 
     def _goes_on_to_next_gate(self, now: Instant, pose: Pose) -> bool:

@@ -53,9 +53,10 @@ def route_as_if_left(
 ) -> Route | None:
     """Return a route as if some of those `around` had left, where there is none around all of them.
 
-    Those are the ones that stand on the goal (`at_goal`), or all but the `parked` robots.
+    Those are the ones that stand on the goal, before which the robot waits, and, but with `at_goal`, all that are not
+    `parked`.
     """
-    if at_goal:
-        elsewhere = off_goal(around, order.goal, arena.shape.radius)
-        return ordered_route(arena, start, order, elsewhere)
-    return None if around == parked else ordered_route(arena, start, order, parked)
+    route = ordered_route(arena, start, order, off_goal(around, order.goal, arena.shape.radius))
+    if route is not None or at_goal or around == parked:
+        return route
+    return ordered_route(arena, start, order, off_goal(parked, order.goal, arena.shape.radius))

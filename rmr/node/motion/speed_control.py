@@ -109,13 +109,21 @@ class SpeedControl:
             self.scene.count_silence()
         return self.scene.silence != 0
 
-    def cap(self, follower: Follower, gate: EntryGate, right_of_way: float, parked: tuple[Point, ...]) -> float:
+    def cap(
+        self,
+        follower: Follower,
+        gate: EntryGate,
+        right_of_way: float,
+        parked: tuple[Point, ...],
+        ahead: int,
+    ) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
         around = self.scene
         around.follower = follower
         around.gate = gate
         around.right_of_way = right_of_way
         around.parked = parked
+        around.ahead = ahead
         return self.law.cap(around)
 
     def slowed(self, twist: Twist, *, walls: bool = True) -> Twist:

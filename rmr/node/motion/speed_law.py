@@ -11,6 +11,7 @@ from rmr.node.motion.hazards import (
     ArcRule,
     DangerRule,
     GateRule,
+    GoalRule,
     Hazard,
     HazardScene,
     HazardStage,
@@ -97,6 +98,14 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "robots that go first and still stand before the gate",
         "a robot waits for those in the places of the queue before its own to leave",
         "queueing.py",
+    ),
+    GoalRule(
+        "goal",
+        HazardStage.CAP,
+        "several robots that drive to one place",
+        "a robot whose goal is taken waits six radii before it, so that the one there can leave; each that goes later, "
+        "in the order, waits three radii farther away, up to five of them",
+        "goal_queue.py",
     ),
     Hazard(
         "memory",

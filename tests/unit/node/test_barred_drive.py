@@ -24,7 +24,7 @@ def barred():
         blocked="",
         barred_by_lost=lambda _: "the way is blocked by robot 2",
         peers=SimpleNamespace(lost=lambda _: {2: None}, standing=lambda _: {2: GOAL}),
-        motion=SimpleNamespace(may_be_barred=True, barred=lambda _: True),
+        motion=SimpleNamespace(may_be_barred=True, barred=lambda _: True, passed_gate=False, cleared=False),
         trace=lambda *_, **__: None,
     )
     return host, BarredDrive(host)
@@ -115,3 +115,13 @@ def test_what_was_in_the_way_before_its_turn_has_time_to_leave_in_it():
     look(host, drive, 55, 75)
     with pytest.raises(ActionFailed):
         look(host, drive, 75, 76)
+
+
+def test_a_drive_that_the_living_bar_does_not_fail_inside_a_passage_but_behind_it():
+    host, drive = barred_by_living()
+    host.motion.passed_gate = True
+    look(host, drive, 1, 60)
+    host.motion.cleared = True
+    host.now = seconds(60)
+    with pytest.raises(ActionFailed):
+        drive.look(GOAL, before_turn=False)

@@ -40,6 +40,8 @@ class DeadlockCause(Enum):
     """Others keep the robot standing, and its patience is over."""
     NO_WAY_BACK = "no way back"
     """After an excursion there is no route to the goal."""
+    ON_A_GOAL = "stands on another one's goal"
+    """The robot has no route, and stands where another one wants to go that gets nowhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,15 +131,17 @@ class Retreat(Escape):
     """Leaves a jam for free floor, at random."""
 
     def applies(self, impasse: Impasse) -> bool:
-        """Return whether the deadlock endures, outside of the bottleneck."""
-        return impasse.endured > 0 and side_of(impasse.arena, impasse.at, impasse.goal) is not Side.WITHIN
+        """Return whether the deadlock endures, or the robot stands on a goal, outside of the bottleneck."""
+        if impasse.symptom is not DeadlockCause.ON_A_GOAL and not impasse.endured:
+            return False
+        return side_of(impasse.arena, impasse.at, impasse.goal) is not Side.WITHIN
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a drive to free floor; the robot gives back its turn, if it has one and is not beyond."""
         arena = impasse.arena
         at = impasse.at
         goal = impasse.goal
-        tries = impasse.endured
+        tries = max(1, impasse.endured)
         paths = paths_of(arena, at, impasse.driving, impasse.parked)
         obstacles = (*impasse.parked, *impasse.others)
         route = retreat_route(arena, at, goal, obstacles, impasse.robot, tries, paths)
@@ -212,7 +216,8 @@ ESCAPES: Final[tuple[Escape, ...]] = (
     Retreat(
         "retreat",
         "a jam outside of the bottleneck: no escape has led 10 cm away for 8 s, or a robot that has made room finds no "
-        "route back for so long; with its turn or without",
+        "route back for so long; with its turn or without. Or the robot has no route, since its goal is taken, and "
+        "stands where another one wants to go that gets nowhere",
         "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
         "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
         "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
