@@ -22,13 +22,17 @@ UNKNOWN = "?"
 """Kinds of error tokens, from OPEN_COMMENT to here; none is a valid name of a terminal."""
 
 _NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
-_ARROWS = r"--+[o>](?![A-Za-z0-9_])|->|:-|[\u2013\u2014\u2212]o(?![A-Za-z0-9_])"
+_ARROWS = r"(?<!-)--+[o>](?![A-Za-z0-9_])|->|:-|[\u2013\u2014\u2212]o(?![A-Za-z0-9_])"
 _FOREIGN = rf"{_ARROWS}|===?|!==|=:=|=<|=?\\=+|\\\+|:=|[-+*/]=|\*\*|\+\+"
 _WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, _FOREIGN)]
 """Error patterns tried before the terminals of the grammar, except those with a priority."""
-_QUOTED = r"'[^'\n]*'|[“”„«][^“”»\n]*[“”»]|\u2018[^\u2019\n]*\u2019"
+_QUOTED = r"'[^'\n]*'|[“”„«][^“”„«»\n]*[“”»]|\u2018[^\u2018\u2019\n]*\u2019"
 _WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (QUOTED, _QUOTED), (OPEN_STRING, '"')]
-"""Error patterns tried after the grammar's regular expressions and before its fixed spellings."""
+"""Error patterns tried after the grammar's regular expressions and before its fixed spellings.
+
+None is searched anew at each sign of a run of `-`, of opening marks or of `\\"` that has no end, which takes quadratic
+time.
+"""
 
 
 class Token(NamedTuple):
@@ -59,7 +63,7 @@ def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Toke
             continue
         if text.startswith(COMMENT_SIGNS, word.start) and word.kind != END:
             is_first = previous in {"DOT", "COMMA", "ARROW"} or "\n" in text[last : word.start]
-            if word.text == "#" or is_first or re.match(r"%+ *[a-z]", text[word.start :][:80]):
+            if word.text == "#" or is_first or re.match(r"%+ *[a-z]", text[word.start : word.start + 80]):
                 end = text.find("\n", word.start)
                 end = len(text) if end < 0 else end
                 continue
