@@ -27,9 +27,9 @@ from rmr.base.values import Robot
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.heads import bodies, codes, folds
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Atom, Bind, Code, Guard, Mode, Predicate, Program, Rule, Strategy
+from rmr.bytecode.program import Atom, Bind, Code, Conjunct, Guard, Mode, Program, Rule, Strategy
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import FiringEffect, PlannedRule
+from rmr.vm.derive import FiringEffect, PlannedRule, draws_in
 from rmr.vm.draws import Draws
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
@@ -81,8 +81,10 @@ class RuleState:
         self.once: Once | None = None
         """Of a rule that consumes nothing: the matches that have not fired."""
         if not self.planned.taken:
-            self.once = (Growing if is_plain(rule, program.predicates) else Changing)(
-                rule.body, program.predicates, store, dropped
+            self.once = (
+                Growing(rule.body, program.predicates, store, dropped, may_fail=may_fail(rule))
+                if is_monotone(rule, program)
+                else Changing(rule.body, program.predicates, store, dropped)
             )
         self.candidate: Candidate | None = None
         self.stale = False
@@ -285,19 +287,27 @@ def mentioned(rule: Rule) -> Iterator[int]:
                 yield conjunct.predicate
 
 
-def is_plain(rule: Rule, predicates: Sequence[Predicate]) -> bool:
-    """Return whether the body's matches depend on the presence of facts alone, in any order of search (monotone).
+def may_fail(rule: Rule) -> bool:
+    """Return whether an expression of the body may have no value."""
+    return any(each.op not in NEVER_FAILING for code in _codes(rule.body) for each in code)
 
-    The body has no ``not``, and none of its expressions can fail. It joins no atom with an open type: there the order
-    of the atoms decides how strictly values are compared.
+
+def is_monotone(rule: Rule, program: Program) -> bool:
+    """Return whether the body's matches depend on the presence of facts alone, in any order of search.
+
+    The body has no ``not``, no fold, and nothing that depends on time or chance. It joins no atom with an open type:
+    there the order of the atoms decides how strictly values are compared.
     """
-    atoms = [item for item in rule.body if isinstance(item, Atom)]
-    if any(folds(rule.body)):
+    atoms = [each for each in rule.body if isinstance(each, Atom)]
+    if any(folds(rule.body)) or any(atom.mode is Mode.ABSENT for atom in atoms):
         return False
-    others = [item for item in rule.body if isinstance(item, Guard | Bind)]
-    mixed = len(atoms) > 1 and any(is_open(kind) for atom in atoms for kind in predicates[atom.predicate].types)
-    fails = any(each.op not in NEVER_FAILING for item in others for each in item.code)
-    return not mixed and not fails and all(atom.mode is not Mode.ABSENT for atom in atoms)
+    mixed = len(atoms) > 1 and any(is_open(kind) for atom in atoms for kind in program.predicates[atom.predicate].types)
+    found = [*_codes(rule.body), *[function.code for function in program.functions]]
+    return not mixed and not any(uses_now(code) or draws_in(code) for code in found)
+
+
+def _codes(body: Sequence[Conjunct]) -> Iterator[Code]:
+    return (each.code for each in body if isinstance(each, Guard | Bind))
 
 
 def uses_now(code: Code) -> bool:

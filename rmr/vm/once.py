@@ -15,12 +15,13 @@ from abc import ABC, abstractmethod
 from bisect import bisect_left, insort
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from operator import itemgetter
 from typing import NamedTuple
 
 from rmr.base.time import Instant
 from rmr.bytecode.program import Conjunct, Predicate
 from rmr.vm.bounds import Dropped
-from rmr.vm.match import Env, OnFailure, Plan, Search, bind_again, plan
+from rmr.vm.match import Env, Found, OnFailure, Plan, Search, bind_again, plan
 from rmr.vm.partial import Behind, Fresh, FreshPlan, fresh_plans
 from rmr.vm.store import Fact, Store
 
@@ -97,9 +98,17 @@ class Growing(Once):
     """The unfired matches of a monotone body (without ``not``): searched incrementally."""
 
     def __init__(
-        self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
+        self,
+        body: tuple[Conjunct, ...],
+        predicates: tuple[Predicate, ...],
+        store: Store,
+        dropped: Dropped,
+        *,
+        may_fail: bool,
     ) -> None:
+        """`may_fail`: an expression of the body may have no value."""
         super().__init__(plan(body, predicates), store, dropped)
+        self._chunk = MATCHES_MAX if may_fail else CHUNK
         self._body = body
         self._predicates = predicates
         self._plans: list[FreshPlan] = []
@@ -120,12 +129,20 @@ class Growing(Once):
         self._newest = self._store.newest
         if since == self._newest or not (self._complete or self._horizon):
             return
+        failed: list[tuple[Key, int, Found, str]] = []
+
+        def later(step: int, facts: Found, reason: str) -> None:
+            failed.append((key_of(facts), step, facts, reason))
+
         if not self._plans:  # planned lazily: most rules never get a new fact after their first search
             self._plans.extend(fresh_plans(self._body, self._predicates))
         for each in self._plans:
             if self._store.tables[each.predicate].newest > since:
                 upto = () if self._complete else self._horizon
-                self._add(Fresh(each, self._store, env, now, on_failure, since, upto), now)
+                self._add(Fresh(each, self._store, env, now, later, since, upto), now)
+        # In the order of a search of all facts, which comes to a match after those with older facts.
+        for _, step, facts, reason in sorted(failed, key=itemgetter(0, 1)):
+            on_failure(step, facts, reason)
 
     def _add(self, search: Search, now: Instant) -> None:
         for match in _matches(search):
@@ -142,8 +159,8 @@ class Growing(Once):
         if self._complete or len(self._kept) >= MATCHES_MAX:
             return False
         search = Behind(self._steps, self._store, env, now, on_failure, self._horizon)
-        found = list(islice(_matches(search), CHUNK))
-        self._complete = len(found) < CHUNK  # a search that ends before CHUNK has seen all
+        found = list(islice(_matches(search), self._chunk))
+        self._complete = len(found) < self._chunk  # a search that ends before it has seen all
         if found:
             self._horizon = found[-1].key
         self._kept += found
@@ -151,7 +168,7 @@ class Growing(Once):
 
 
 class Changing(Once):
-    """The unfired matches of a body with ``not`` or one whose expressions may fail: searched anew after each change."""
+    """The unfired matches of a body whose matches do not only arise by insertions: searched anew after each change."""
 
     def __init__(
         self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
