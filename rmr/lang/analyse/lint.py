@@ -3,10 +3,12 @@
 After a syntax error nothing is reported as missing: the broken item may contain it.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 
 from rmr.base.values import Symbol
 from rmr.bytecode import provided
+from rmr.bytecode.program import Kind
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.analyse.misspelt_names import Speller
 from rmr.lang.analyse.misspelt_symbols import lint_letters, lint_symbols
@@ -103,6 +105,7 @@ class _Lint:
                 case RuleItem():
                     for body, what in _bodies(item):
                         self._contradiction(body, what)
+                    self._taken(item)
                     self._large(item, _home(item), constants(item.body))
                 case TypeDeclaration():
                     executor = item.parameters[0].variable if item.parameters else None
@@ -138,7 +141,9 @@ class _Lint:
             self._derivations(item)
         for fact, name in self._supply.circular():
             message = f"nothing can be the first to derive `{name}`, what derives it waits for it; {NO_FIRING}"
-            hint = f"state one to begin with, or declare it if it comes from outside: `type {name}(...)`"
+            hint = (
+                f"state one to begin with, or declare it if it comes from outside: `type {name}(...)`{_without(fact)}"
+            )
             self._found.report("W102", message, fact.span, hint=hint)
 
     def _unstarted(self) -> None:
@@ -191,6 +196,30 @@ class _Lint:
                 case _:
                     pass
 
+    # ---- bodies that take what their heads look for
+
+    def _taken(self, rule: RuleItem) -> None:
+        """Report a fact that a body takes and nothing else uses, while the head is to find all facts of its kind."""
+        counts = Counter(node.name for node in walk(rule) if isinstance(node, Variable))
+        for part in flat(rule.head):
+            if not isinstance(part, ComprehensionNode | AggregateNode):
+                continue
+            inner = {_kind_of(each) for each in part.body if isinstance(each, FactNode) and not each.absent}
+            what = "aggregate" if isinstance(part, AggregateNode) else "comprehension"
+            for fact in rule.body:
+                if (
+                    isinstance(fact, FactNode)
+                    and fact.mark is Mark.NONE
+                    and not fact.absent
+                    and _kind_of(fact) in inner
+                    and self._names.of(fact).kind is Kind.TEMPORARY
+                    and len(fact.arguments) > 1
+                    and all(isinstance(each, Variable) and _is_any(each, counts) for each in fact.arguments[1:])
+                ):
+                    message = f"the body uses up one `{fact.name.text}` that the {what} then does not find"
+                    hint = f"`${fact.name.text}(...)` keeps it, and the {what} finds all"
+                    self._found.report("W117", message, fact.span, hint=hint)
+
     def _never(self, fact: FactNode, what: str) -> None:
         name = fact.name.text
         signature = self._names.of(fact)
@@ -242,7 +271,8 @@ class _Lint:
             return None
         if name in CALLABLE:
             return f"a call alone is a fact; the function stands in parentheses: `({name}(...))`"
-        return self._speller.known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
+        known = self._speller.known(fact)
+        return known or f"declare it if it comes from outside: `type {name}(...)`{_without(fact)}"
 
     # ---- sizes and times
 
@@ -287,6 +317,20 @@ def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
                 yield body, "the aggregate finds nothing"
             case _:
                 pass
+
+
+def _without(fact: FactNode) -> str:
+    """Return the end of a hint at a persistent fact that nothing derives: `!` may be meant as `not`."""
+    return f"; that there is none is `not {fact.name.text}(...)`" if fact.mark is Mark.BANG else ""
+
+
+def _kind_of(fact: FactNode) -> tuple[str, str | None]:
+    """Return the predicate of a fact, and the variable of its owner."""
+    return fact.name.text, fact.owner.name if isinstance(fact.owner, Variable) else None
+
+
+def _is_any(variable: Variable, counts: Counter[str]) -> bool:
+    return variable.anonymous or counts[variable.name] == 1
 
 
 def _home(rule: RuleItem) -> Expression | None:

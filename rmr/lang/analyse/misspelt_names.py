@@ -78,9 +78,11 @@ class Speller:
             return
         message = f"nothing reads the fact `{name}`"
         action = provided.ACTIONS.get(name)
-        if action is not None and len(action.types) + 1 == len(fact.arguments):
+        if action is not None:
             declaration = declaration_text(name, action.types, "action ")
             hint = f"to act, declare the action: `{declaration}`"
+            if len(action.types) + 1 != len(fact.arguments):
+                hint += "; with other arguments it takes a handler of your own"
             self._found.report("W108", f"{message}; no action of that name is declared", fact.span, hint=hint)
         elif name not in self._unread and self._may_search():
             self._unread.add(name)

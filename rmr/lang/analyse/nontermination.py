@@ -7,7 +7,8 @@ persistent one, whose old values stay.
 
 The analysis has no false positives. A match must hold again for all values: each argument of the body's pattern is
 repeated in the head unchanged, or is a variable with no other occurrence in the body. No other conjunct of the program
-may consume the fact. Facts for other robots, and facts behind an action in `then`, do not count. Because of refraction
+may consume the fact. Facts for other robots, and facts behind an action in `then`, do not count: also not behind a
+provided action that is not declared, which is its own mistake (W108). Because of refraction
 (a rule fires once for each match) a body that consumes nothing is no loop: only a new match makes it fire again.
 """
 
@@ -15,6 +16,7 @@ from collections.abc import Iterator
 
 from rmr.base.record import record
 from rmr.base.values import Robot
+from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
 from rmr.lang.analyse.names import Names
 from rmr.lang.diagnostics.diagnostic import Diagnostics
@@ -132,10 +134,15 @@ def _at_once(rule: RuleItem, names: Names) -> Iterator[FactNode]:
     for part in rule.head:
         steps = part.derived if isinstance(part, StepsNode) else (part,)
         for fact in steps:
-            if not isinstance(fact, FactNode) or names.of(fact).kind is Kind.ACTION:
+            if not isinstance(fact, FactNode) or _is_action(fact, names):
                 break
             if fact.mark is not Mark.GOAL:
                 yield fact
+
+
+def _is_action(fact: FactNode, names: Names) -> bool:
+    signature = names.of(fact)
+    return signature.kind is Kind.ACTION or (signature.declaration is None and fact.name.text in provided.ACTIONS)
 
 
 def _derived(rule: RuleItem) -> Iterator[FactNode]:

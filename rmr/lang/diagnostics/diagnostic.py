@@ -72,6 +72,7 @@ CODES: dict[str, str] = {
     "W114": "facts without end",
     "W115": "a program that nothing starts",
     "W116": "an assertion that nothing serves",
+    "W117": "a fact used up before it is looked for",
 }
 """Every code with its title. E: an error; W: a warning."""
 
