@@ -1,4 +1,4 @@
-"""`rmr check LAB --explain`: the passages of a lab, who needs them, and what the turns of its assertions cover.
+"""`rmr check LAB --explain`: the passages and stations of a lab, who needs them, and what the assertions' turns cover.
 
 An explanation is data (dataclasses that become JSON as they are); `show` renders it as text. Drives are those with
 which robots begin (`rmr_world.passage_use`), with times at full speed and without other robots.
@@ -16,6 +16,7 @@ from rmr_lab.text_map import text_map
 from rmr_world.lab import Lab
 from rmr_world.narrow_places import narrow_places, side_by_side_m
 from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, first_events, passage_uses, stretch
+from rmr_world.validate.first_instant import first_destinations
 
 SIGNS = "abcdefghijklmnpqrstuvwxyz"
 """Letters of passages on the map; further ones are marked by the last. Robots are `o`."""
@@ -75,6 +76,17 @@ class ExplainedZone:
 
 
 @dataclass(frozen=True, slots=True)
+class ExplainedStation:
+    """An area of which robots hold places."""
+
+    name: str
+    capacity: int
+    """Robots that may be there at a time."""
+    robots: tuple[int, ...]
+    """Those whose first drive leads there."""
+
+
+@dataclass(frozen=True, slots=True)
 class ExplainedTurn:
     """What the turns of one time assertion cover."""
 
@@ -100,6 +112,7 @@ class ExplainedLab:
     """Whether the floor was searched for narrow passages; False if it is too large for so small robots."""
     passages: tuple[ExplainedPassage, ...]
     zones: tuple[ExplainedZone, ...]
+    stations: tuple[ExplainedStation, ...]
     turns: tuple[ExplainedTurn, ...]
     map: str
 
@@ -120,6 +133,7 @@ def explain(file: str, lab: Lab, program: Program) -> ExplainedLab:
         searched=found.searched,
         passages=tuple(_passage(lab, use) for use in uses),
         zones=tuple(ExplainedZone(zone.name, zone.centre, zone.radius) for zone in found.zones),
+        stations=tuple(_station(lab, program, *station) for station in lab.arena.stations),
         turns=tuple(_turn(lab, program, each) for each in program.assertions),
         map=_map(lab, uses),
     )
@@ -164,6 +178,11 @@ def _scheduled(use: PassageUse, drive: FirstDrive) -> str:
     if drive.job is None or drive.gated:
         return WITHOUT_TURN
     return WHOLE_DRIVE
+
+
+def _station(lab: Lab, program: Program, name: str, capacity: int) -> ExplainedStation:
+    goals = first_destinations(lab, program)
+    return ExplainedStation(name, capacity, tuple(sorted(robot for robot, area in goals.items() if area.name == name)))
 
 
 def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
@@ -246,6 +265,10 @@ def _lines(explained: ExplainedLab) -> Iterator[str]:
         yield from ("", f"  ... and {left_out} more; --json has them all")
     for zone in explained.zones:
         yield from ("", f"  {zone.name}  where narrow sections meet, at {_at(zone.centre)}")
+    if explained.stations:
+        yield from ("", "STATIONS. A robot holds a place from before it drives in until its hull has left.")
+    for station in explained.stations:
+        yield from ("", *_station_lines(station))
     yield from ("", "TIME ASSERTIONS. What a turn covers.")
     for turn in explained.turns:
         yield ""
@@ -274,6 +297,13 @@ def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
         none = "no event" if drive.scheduled == IN_TURNS else "no turn"
         event = none if drive.event is None else drive.event.removesuffix("()")
         yield f"     {drive.robot:5}  {drive.enters_by:6}  {times}  {event}, {drive.goal}"
+
+
+def _station_lines(station: ExplainedStation) -> Iterator[str]:
+    yield f"  {station.name}"
+    yield f"     capacity   {station.capacity} at a time"
+    if station.robots:
+        yield f"     wanted     at the start, by {', '.join(map(str, station.robots))}"
 
 
 _NAMING = (

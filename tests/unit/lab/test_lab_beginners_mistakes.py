@@ -43,6 +43,7 @@ def r(right, wrong):
 
 
 LABS = [
+    r("[0.5, 0.3, 0deg]", "[0.5, 0.3, 90]"),
     r("lab: room\n", ""),
     r("lab: room", "lab: My Room"),
     r("program: room.rmr\n", ""),
@@ -52,6 +53,7 @@ LABS = [
     r("finish: at(R, yard)", "finish: at(@1, yard)"),
     r("finish: at(R, yard)", "finish: at(R, yrad)"),
     r("finish: at(R, yard)", "finish: at(R, Yard)."),
+    r("finish: at(R, yard)", "finish: at(R, A)"),
     r("finish: at(R, yard)", "finish: done(R)"),
     r("finish: at(R, yard)", "finish: all at yard"),
     r("size: [3.0, 1.5]", "size: 3.0 x 1.5"),

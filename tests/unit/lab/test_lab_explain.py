@@ -71,6 +71,14 @@ def test_the_key_that_names_a_passage_is_told_where_the_lab_names_none(tmp_path)
     assert "bottleneck.mouths" not in check("--explain", "twoway").stdout
 
 
+def test_stations_are_listed_with_their_capacities():
+    assert explained("dock")["stations"] == [{"name": "charger", "capacity": 2, "robots": []}]
+    shown = check("--explain", "dock").stdout
+    assert "STATIONS" in shown
+    assert "charger\n     capacity   2 at a time" in shown
+    assert "STATIONS" not in check("--explain", "corridor").stdout
+
+
 def test_the_text_has_a_map_of_at_most_100_columns():
     text = check("--explain", EXAMPLES / "aisles" / "through.yaml").stdout
     assert max(map(len, text.splitlines())) <= 120

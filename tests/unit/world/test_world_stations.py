@@ -78,6 +78,15 @@ def test_a_station_to_which_nothing_drives_is_an_error(tmp_path):
     assert "nothing drives to station 'spare': neither the program nor a fact of the lab names it" in found
 
 
+def test_no_warning_where_a_station_limits_the_robots_that_go_to_an_area(tmp_path):
+    program = "type action moveto(R: robot, A: area) -o at(R, A). type sensor at(robot, area). start(R).\n"
+    (tmp_path / "room.rmr").write_text(program + "start(R) -o moveto(R, yard).\n")
+    text = ROOM + "  - {id: 2, pose: [1, 1, 0]}\nareas: {yard: {slots: [[2, 0.75]]}}\n"
+    for station, warned in (("", True), ("stations: [yard]\n", False)):
+        loaded = lab_of(tmp_path, text + station)
+        assert ("has room for 1 robot" in validated(loaded, load_lab_program(loaded)).warnings) is warned
+
+
 DEAD_END = [
     ("[[2.2, 0.7], [2.2, 1.1]]", "[[2.28, 0.9], [2.05, 0.9]]"),
     ("areas:\n", "obstacles:\n  - {box: [1.9, 0.0, 2.4, 0.78]}\n  - {box: [1.9, 1.02, 2.4, 1.8]}\nareas:\n"),

@@ -21,6 +21,8 @@ def area_too_small(lab: Lab, program: Program) -> Iterator[Finding]:
         room = _room(lab, area)
         if room >= robots or (ends_at_area and area.box is None):
             continue  # too few places of the area in `finish` are an error of phase 2
+        if 0 < lab.arena.capacity(area.name) <= room and not ends_at_area:
+            continue  # a station: robots go there one after another
         if area.box is not None and room == 0:
             message = f"no robot of radius {radius_m:g} m fits into area '{area.name}'"
         else:

@@ -1,5 +1,6 @@
 """Lint of a lab: settings that are valid but can hardly be intended."""
 
+import math
 import re
 from collections.abc import Iterator
 
@@ -37,13 +38,21 @@ def no_localisation(lab: Lab, program: Program) -> Iterator[Finding]:
     yield lab.warning(("localisation", key), message)
 
 
-def variable_named_like_area(lab: Lab, _program: Program) -> Iterator[Finding]:
-    """Warn of a variable in `finish` that differs from the name of an area by case only: it matches any area."""
-    for word in re.findall(r"\b[A-Z]\w*", lab.finish):
-        names = [area.name for area in lab.arena.areas if area.name.lower() == word.lower()]
-        if len(word) > 1 and names:
-            yield lab.warning(("finish",), f"{word} is a variable, which matches anything; did you mean '{names[0]}'?")
+def variable_in_finish(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of a variable in `finish` that has a name: nothing gives it a value, so it matches anything."""
+    for word in re.findall(r"\b[A-Z]\w*", re.sub(r'"[^"]*"', "", lab.finish.partition(",")[2])):
+        near = [area.name for area in lab.arena.areas if area.name.lower() == word.lower()] if len(word) > 1 else []
+        hint = f"did you mean '{near[0]}'?" if near else "write `_` if that is meant"
+        yield lab.warning(("finish",), f"{word} is a variable, which matches anything; {hint}")
 
 
-CHECKS = (fault_after_end, no_localisation, variable_named_like_area)
+def heading_beyond_a_turn(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of a robot's heading beyond a full turn: a number without a unit is in radians."""
+    for start in lab.robots:
+        if abs(start.pose.theta) > 2 * math.pi:
+            message = f"robot {start.id} begins with a heading of {start.pose.theta:g} rad, more than a full turn"
+            yield lab.warning(("robots",), f"{message}; degrees are written `90deg`")
+
+
+CHECKS = (fault_after_end, no_localisation, variable_in_finish, heading_beyond_a_turn)
 """The lint of a lab and its program."""
