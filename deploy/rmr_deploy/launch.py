@@ -40,7 +40,7 @@ from rmr_deploy.restarts import Restarts
 from rmr_deploy.run_end import judged_end, names, patiently, unready
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
-from rmr_deploy.run_status import told_facts, told_status
+from rmr_deploy.run_status import ended, told_facts, told_status
 from rmr_deploy.run_sweep import sweep
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
@@ -348,7 +348,7 @@ class LabRun:
 
     def _line(self, robot: int) -> RobotLine:
         if not self._lives(robot):
-            return RobotLine(robot, "died", how(self._robots[robot].exit_code()))
+            return RobotLine(robot, *ended(self._robots[robot]))
         return RobotLine(robot, *(("starting", "") if self.monitor is None else self.monitor.line(robot)))
 
     # --- stop ----------------------------------------------------------------------------------------------

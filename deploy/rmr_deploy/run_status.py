@@ -31,6 +31,12 @@ def told_status(
     }
 
 
+def ended(child: Child) -> tuple[str, str]:
+    """Return the state of a robot whose process has ended, and how; on request it ends without an error."""
+    code = child.exit_code()
+    return ("died", how(code)) if code else ("stopped", "")
+
+
 def _process(child: Child, is_paused: bool) -> dict[str, Any]:
     code = child.exit_code()
     state = "ended" if code is not None else "paused" if is_paused else "running"
@@ -46,7 +52,7 @@ def _process(child: Child, is_paused: bool) -> dict[str, Any]:
 def _robot(robot: int, child: Child, monitor: StatusMonitor | None, lives: bool) -> dict[str, Any]:
     state = ("starting", "") if monitor is None else monitor.line(robot)
     if not lives:
-        state = ("died", how(child.exit_code())) if child.exit_code() else ("stopped", "")
+        state = ended(child)
     elif child.exit_code() is not None:  # it is about to be started again, or somebody has started it by hand
         state = ("restarting", "") if monitor is None or robot not in monitor.present else state
     number = child.name.partition(".")[2]

@@ -119,6 +119,11 @@ class ColumnRun:
             text = None if last is None else rule_text(self._program, last)
             yield self._robots[place], iter([satisfied(int(firings[place]), text)])
 
+    @property
+    def oversized(self) -> bool:
+        """Whether something was too large to be sent: never, what may be is run by nodes."""
+        return False
+
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return nothing: what could be dropped on the way is not there."""
         return ()

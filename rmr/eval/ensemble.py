@@ -40,6 +40,7 @@ from rmr.eval.given import Given, Insertion, facts_by_owner, values
 from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
+from rmr.node.payloads import TOO_LARGE
 from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.vm.engines import Engine
@@ -278,6 +279,11 @@ class Ensemble:
     def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
         """Yield the robots that are not idle, each with its outstanding work."""
         return ((robot, outstanding(hosted)) for robot, hosted in self.robots.items() if not hosted.idle)
+
+    @property
+    def oversized(self) -> bool:
+        """Whether something was too large to be sent, and was dropped."""
+        return any(TOO_LARGE in why for *_, why in self.undelivered)
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return the warnings of the run, by kind."""

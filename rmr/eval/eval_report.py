@@ -100,6 +100,10 @@ class EvaluatedRun(Protocol):
     def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
         """Yield the robots that are not idle, with what each has yet to do."""
 
+    @property
+    def oversized(self) -> bool:
+        """Whether something was too large to be sent, and was dropped."""
+
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return what is to be said beside the report, by kind."""
 

@@ -191,6 +191,10 @@ def addressed(frame: bytes, to: int) -> bytes:
     return frame[:1] + to.to_bytes(2, "big") + frame[3:]
 
 
+TOO_LARGE = "is too large"
+"""What is said of a delivery that fragments cannot carry."""
+
+
 def encode_fact_frames(
     to: int, epoch: int, sequence: int, body: bytes, payload_max: int = PAYLOAD_OCTETS_MAX
 ) -> list[bytes]:
@@ -200,7 +204,7 @@ def encode_fact_frames(
     piece = payload_max - _FRAGMENT.size
     pieces = [body[i : i + piece] for i in range(0, len(body), piece)]
     if len(pieces) > PARTS_MAX:
-        raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * piece} octets")
+        raise WireError(f"a fact of {len(body)} octets {TOO_LARGE}: at most {PARTS_MAX * piece} octets")
     return [
         _FRAGMENT.pack(PayloadKind.FRAGMENT, to, epoch & 0xFF, sequence, part, len(pieces)) + piece
         for part, piece in enumerate(pieces)

@@ -228,3 +228,15 @@ def test_runs_with_deaths_are_the_same_every_time_with_loss_and_with_turns(bench
     first = bench.run(text, *arguments)
     assert first == bench.run(text, *arguments)
     assert [facts(first, robot) for robot in (1, 3, 4)] == [[f"done(@{r})", f"wish(@{r})"] for r in (1, 3, 4)]
+
+
+TOO_LARGE = """type big(robot, list int). type list_of(robot, list int). n(@1, 1000). list_of(R, []).
+n(R, N), list_of(R, L), N > 0 -o n(R, N - 1), list_of(R, L + [1234567890123]).
+n(R, 0), list_of(R, L), peer(R, B) -o big(B, L). big(R, _) -o got(R)."""
+
+
+def test_a_fact_that_is_too_large_to_be_sent_ends_the_command_with_1(bench):
+    result = bench.call(bench.file("p.rmr", TOO_LARGE), "--robots", "2")
+    assert result.exit_code == 1
+    assert "`big` of robot 1 did not reach robot 2: a fact of 9007 octets is too large" in result.stderr
+    assert bench.run(TOO_LARGE.replace("1000", "10"), "--robots", "2")["quiescent"]
