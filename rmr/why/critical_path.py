@@ -14,9 +14,11 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from rmr.base.time import Instant, milliseconds
+from rmr.bytecode.heads import inner
 from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
+from rmr.vm.match import pattern_agrees
 from rmr.why.delay_owner import Interval, TimeOwner
 from rmr.why.interval_parts import cut_at, deaths, merged, without
 from rmr.why.pending import newest_arrival, next_supplier, on_their_way
@@ -206,10 +208,17 @@ class CriticalPath:
 
     def _finish_fact(self, history: RobotHistory, job: TimedJob, finish: Instant) -> Step:
         robot = history.robot
-        finishing = [c for c in history.changes if c.came and c.at == finish and c.text.lstrip("!") == job.text]
+        finishing = [c for c in history.changes if c.came and c.at == finish and self._ends(job, c)]
         if finishing:
             return lambda: self._change(robot, finishing[0])
         return lambda: self._outside(robot, job.text)
+
+    def _ends(self, job: TimedJob, change: Change) -> bool:
+        """Return whether a fact is the finish fact of a job, in which `_` may stand."""
+        if job.assertion < 0:
+            return change.text.lstrip("!") == job.text
+        pattern = self._program.assertions[job.assertion].finish
+        return change.predicate == pattern.predicate and pattern_agrees(pattern.args, change.args, job.bindings)
 
     def _change(self, robot: int, change: Change) -> Step | None:
         """From a fact to what inserted it."""
@@ -228,6 +237,9 @@ class CriticalPath:
         if cause.kind == CauseKind.DELIVERY and cause.key is not None:
             key = cause.key
             return lambda: self._delivery(robot, key)
+        if cause.kind == CauseKind.SENT and cause.key is not None:
+            key = cause.key
+            return lambda: self._settled(robot, key)
         if cause.kind == CauseKind.MISSED:
             self._cover(self._begin, TimeOwner.RULE, robot, (), f"until a deadline had passed, for {what}")
             return None
@@ -318,13 +330,24 @@ class CriticalPath:
             self._cover(part.begin, part.owner, who, (robot + source - who,), span.text)
         return self._because(source, span.cause, span.text)
 
+    def _settled(self, robot: int, key: DeliveryKey) -> Step | None:
+        """From the news that a delivery of the robot's own was acknowledged or given up to what it was sent for."""
+        span = self._histories[robot].sent[key]
+        for part in reversed(radio_time(span, self._cursor, self._attempts)):
+            # After its last frame the robot waited for the acknowledgement.
+            owner = TimeOwner.REPEATS if part.owner is TimeOwner.LATE_TICK else part.owner
+            self._cover(part.begin, owner, robot, (key[1],), span.text)
+        return self._because(robot, span.cause, span.text)
+
     # -- jobs that have not finished ----------------------------------------------------------------------------
 
     def _stuck(self, robot: int) -> Step | None:
         """Return the step back from a robot that waits at the cursor: what is under way, or was last."""
         history = self._histories[robot]
         at = self._cursor
-        active = [span for span in history.actions if span.derived <= at < span.ended]
+        # What a deadline that has just passed brought about is no reason for it.
+        before = [span for span in history.actions if span.cause.kind != CauseKind.MISSED or span.derived < at]
+        active = [span for span in before if span.derived <= at < span.ended]
         if active:
             drives = [span for span in active if span.wheels or span.gated_by is not None]
             chosen = (drives or active)[-1]
@@ -342,16 +365,26 @@ class CriticalPath:
         """Return the step back to what happened last at a robot that has nothing under way."""
         at = self._cursor
         robot = history.robot
-        over = [span for span in history.actions if span.ended <= at]
+        over = [span for span in history.actions if span.ended <= at and span.derived < at]
         newest = max(over, key=lambda span: (span.ended, span.order), default=None)
         fired = [firing for firing in history.firings if firing.at <= at]
-        if newest is not None and (not fired or newest.ended >= fired[-1].at):
+        # Of one instant: a firing behind an action's end follows from it.
+        if newest is not None and (not fired or (newest.ended, newest.order) > (fired[-1].at, fired[-1].order)):
             end = "had ended" if newest.failure is None else f"had failed: {newest.failure}"
             self._cover(newest.ended, TimeOwner.RULE, robot, (), f"no rule fired after {newest.text} {end}")
             return lambda: self._action(robot, newest)
         if fired:
             firing = fired[-1]
-            self._cover(firing.at, TimeOwner.RULE, robot, (), f"no rule fired after the one at {firing.text}")
+            nothing = ", which found nothing" if self._found_nothing(history, len(fired) - 1) else ""
+            self._cover(firing.at, TimeOwner.RULE, robot, (), f"no rule fired after the one at {firing.text}{nothing}")
             return lambda: self._firing(robot, firing)
         self._cover(self._begin, TimeOwner.RULE, robot, (), "no rule fired")
         return None
+
+    def _found_nothing(self, history: RobotHistory, number: int) -> bool:
+        """Return whether a firing has derived nothing, by a rule whose head looks for facts."""
+        if not any(inner(self._program.rules[history.firings[number].rule].head)):
+            return False
+        causes = [change.cause for change in history.changes if change.came]
+        causes += [span.cause for span in history.actions] + [span.cause for span in history.sent.values()]
+        return EventCause(CauseKind.FIRING, number) not in causes

@@ -42,8 +42,10 @@ from rmr.vm.provenance import (
     SendingRecord,
     SendRecord,
     SensedCause,
+    StandsCause,
     StepCause,
     ToldRecord,
+    UndeliveredCause,
 )
 from rmr.why.robot_history import (
     ActionSpan,
@@ -113,6 +115,8 @@ class HistoryListener:
         self._seen: tuple[int, EventCause] = 0, _GIVEN
         """Identity and cause of the newest report that another robot's finish fact has come."""
         self._accepted: DeliveryKey | None = None
+        self._settled: dict[int, DeliveryKey] = {}
+        """The delivery to each robot that was acknowledged or given up last."""
         self._ended: int | None = None
         self._groups: dict[bytes, str] = {}
         self._inside: dict[str, Instant] = {}
@@ -299,6 +303,8 @@ class HistoryListener:
                     return EventCause(CauseKind.ACTION, self._actions[serial])
                 # Of another robot's action: the report of its end has just arrived.
                 return EventCause(CauseKind.DELIVERY, key=self._accepted)
+            case UndeliveredCause(destination) | StandsCause(destination) if destination in self._settled:
+                return EventCause(CauseKind.SENT, key=self._settled[destination])
             case SensedCause():
                 return EventCause(CauseKind.SENSED)
             case MissedCause():
@@ -357,8 +363,10 @@ class HistoryListener:
         key = (self._robot, event.peer, event.epoch, event.sequence)
         if event.stage is Stage.BEGUN:
             self.history.sent[key] = DeliverySpan(key, now, self._order, self._sending)
-        elif event.stage in WHY_GIVEN_UP and key in self.history.sent:
-            self.history.sent[key].given_up = now
+        elif key in self.history.sent and (event.stage in WHY_GIVEN_UP or event.stage is Stage.ACKNOWLEDGED):
+            self._settled[event.peer] = key
+            if event.stage in WHY_GIVEN_UP:
+                self.history.sent[key].given_up = now
 
     def _spoken(self, now: Instant, event: Spoken) -> None:
         self._handles += 1

@@ -29,6 +29,8 @@ class CauseKind:
     SENSED = "sensed"
     GIVEN = "given"
     """An initial fact, or one that somebody inserted from outside."""
+    SENT = "sent"
+    """A delivery of its own was acknowledged, or given up."""
     MISSED = "missed"
     """A missed deadline."""
 

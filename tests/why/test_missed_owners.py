@@ -1,0 +1,63 @@
+"""`rmr why RUN --missed` names the owner that acts: the delivery, the drive or the rule, not `outside`."""
+
+import json
+
+import pytest
+from command_runner import invoke
+
+from rmr_deploy.why_program import why_command
+from rmr_sim.main import main as simulate
+
+pytestmark = pytest.mark.medium
+
+LAB = """lab: two
+program: two.rmr
+duration: 50s
+arena: {size: [1.5, 1.0]}
+robots: [{id: 1, pose: [0.2, 0.2, 0deg]}, {id: 2, pose: [0.8, 0.2, 0deg]}]
+"""
+
+
+def owners(folder, program, lab=""):
+    """Return the owners of the time of the one missed job, the largest first: (owner, words)."""
+    (folder / "two.rmr").write_text("type action broadcast(robot).\n" + program)
+    (folder / "two.yaml").write_text(LAB + lab)
+    simulate([str(folder / "two.yaml"), "--seed", "3", "--run", str(folder / "run")])
+    answer = invoke(why_command(), [str(folder / "run"), "--missed", "--json"], name="rmr why")
+    [delay] = json.loads(answer.stdout)["delays"]
+    return [(each["owner"], each["words"].replace(f"{folder}/", "")) for each in delay["owners"]]
+
+
+def test_the_news_that_a_delivery_was_given_up_is_the_time_of_its_repeats(tmp_path):
+    program = """type start(robot). type msg(robot). type undelivered(robot, robot, symbol). type !got(robot).
+start(@1). job: watch(start(R), done(R), 5, broadcast(R)).
+start(@1) -o msg(@2). msg(R) -o !got(R). undelivered(@1, @2, msg) -o done(@1)."""
+    found = owners(tmp_path, program, "faults: [{at: 0.001, kill: 2}]\n")
+    assert found[0] == ("repeats", "to robot 2 (msg(@2))")
+
+
+def test_the_news_that_a_decision_was_acknowledged_is_the_time_of_its_delivery(tmp_path):
+    program = """type start(robot). type wants(robot, robot). type free(robot). type got(robot).
+start(@2). free(@2). wants(@1, @2). job: watch(start(R), got(R), 0.05, broadcast(R)).
+wants(R, S), free(S) -o got(S)."""
+    found = owners(tmp_path, program, "radio: {loss: 0.5}\n")
+    assert "outside" not in dict(found)
+    assert ("repeats", "to robot 1 (@1 is told that the rule has fired, rule two.rmr:4)") in found
+
+
+def test_a_finish_fact_that_names_no_value_is_found(tmp_path):
+    program = """type ask(robot). type start(robot).
+start(@1). job: watch(start(R), done(R, _), 0.5, broadcast(R)).
+type action wait(R: robot, S: float) -o waited(R).
+start(R), peer(R, B) -o ask(B). ask(B) -o wait(B, 2.0). waited(B), peer(B, R) -o done(R, 7)."""
+    assert owners(tmp_path, program)[0] == ("action", "robot 2: wait(@2, 2.0)")
+
+
+def test_an_aggregate_that_finds_nothing_is_named_and_not_the_violation_action(tmp_path):
+    program = """type bid(robot, robot, float). type award(robot, robot). type start(robot).
+type action wait(R: robot, S: float) -o waited(R).
+start(@1). job: watch(start(R), won(R, _), 3, broadcast(R)). start(R) -o wait(R, 1.0).
+waited(R) -o [min C => Best | bid(R, B, C) | award(R, B)]. award(R, B) -o won(R, B)."""
+    found = owners(tmp_path, program)
+    assert found[0] == ("rule", "no rule fired after the one at two.rmr:5, which found nothing")
+    assert found[1] == ("action", "wait(@1, 1.0)")
