@@ -47,6 +47,8 @@ class LabDraft:
         """Names of all areas in the file, of wrong ones too: a reference to these is no further error."""
         self.obstacles = self._obstacles()
         """The convex parts of each obstacle, with its index in the file."""
+        self.map_unknown_free = 0
+        """Cells of the map that are free although they have the grey that means unknown."""
         self.map_boxes = self._map_boxes()
         """What the map blocks."""
         self.areas = self._areas()
@@ -96,6 +98,7 @@ class LabDraft:
             actions=None if spec.actions is None else folder / spec.actions,
             events=None if spec.events is None else folder / spec.events,
             key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
+            map_unknown_free=self.map_unknown_free,
             places=self.document.places,
         )
 
@@ -185,6 +188,7 @@ class LabDraft:
                 said = ", ".join(f"{length:g}" for length in floor.size_m)
                 self.errors.append(self.error(("arena", "size"), f"should be [{said}], the size of {name}"))
                 return []
+            self.map_unknown_free = floor.unknown_free
             return [Polygon(box_corners(box)) for box in boxes(floor, width, height)]
         except MapError as error:
             self.errors.append(self.error(("map",), str(error)))

@@ -54,5 +54,13 @@ def heading_beyond_a_turn(lab: Lab, _program: Program) -> Iterator[Finding]:
             yield lab.warning(("robots",), f"{message}; degrees are written `90deg`")
 
 
-CHECKS = (fault_after_end, no_localisation, variable_in_finish, heading_beyond_a_turn)
+def unknown_floor(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of cells that the map's saver did not know and that its threshold makes free."""
+    if count := lab.map_unknown_free:
+        cells = "1 cell" if count == 1 else f"{count} cells"
+        message = f"{cells} of grey 205, which map savers write for unknown, are free by the map's free_thresh"
+        yield lab.warning(("map",), f"{message}: robots will drive there; with free_thresh: 0.196 they are blocked")
+
+
+CHECKS = (unknown_floor, fault_after_end, no_localisation, variable_in_finish, heading_beyond_a_turn)
 """The lint of a lab and its program."""
