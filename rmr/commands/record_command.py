@@ -100,6 +100,9 @@ def _contents(recording: "Recording") -> dict[str, Any]:
         row = channels.setdefault(raw.topic, {"messages": 0, "octets": 0})
         row["messages"] += 1
         row["octets"] += len(raw.octets)
+    for name in recording.attachments:
+        recording.attachment(name)
+    recording.check()
     begin, end = recording.span
     return {
         "about": recording.about.to_metadata(),
@@ -123,9 +126,10 @@ _COMMANDS = {
         ),
     ),
     "recover": (
-        "Give a file that was cut short its index.",
+        "Write a file that was cut short or damaged anew.",
         Command(
-            "Give a recording that was cut short its index, or join what is left of a run. What is lost is told.",
+            "Write a recording that was cut short or damaged anew, with its index, or join what is left of a run. "
+            "What is lost is told.",
             _declare_recover,
             _recover,
         ),

@@ -100,7 +100,9 @@ def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def recover(path: Path) -> Joined:
-    """Give a file that was cut short its index, or join what is left of a run folder.
+    """Write a file that was cut short or damaged anew, with its index, or join what is left of a run folder.
+
+    What is damaged is left out, so that every reader takes the file.
 
     Raises RecordingError, UnwritableError, NothingToDoError if the file is whole.
     """
@@ -109,11 +111,12 @@ def recover(path: Path) -> Joined:
             return join_run(path)
         path = path / RUN_FILE
     with open_recording(path) as recording:
-        if recording.complete:
+        scan = recording.parts[0].scan
+        if recording.complete and recording.check():
             raise NothingToDoError(f"{path}: the file is whole: there is nothing to recover")
-        if recording.parts[0].scan.being_written:
+        if scan.being_written:
             raise UnwritableError(f"{path}: a process is still writing it; end the run first")
-        return rewrite(recording, path, None)
+        return rewrite(recording, path, None, scan.metadata.get(PARTS_NAME))
 
 
 def report_of(folder: Path) -> bytes | None:

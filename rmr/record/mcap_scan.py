@@ -1,14 +1,15 @@
-"""Finds what an MCAP file holds, in one pass over its records, without reading the chunks.
+"""Finds what an MCAP file holds, by its index or in one pass over its records, without reading the chunks.
 
-A summary is not needed: a file that is still being written, or was cut short, is read up to its last whole record. The
+An index is not needed: a file that is still being written, or was cut short, is read up to its last whole record. The
 pass may be continued when the file has grown. Only files of the profile `rmr` are taken: their channels stand outside
 of chunks, and all messages in them.
 """
 
 import os
 import zlib
+from contextlib import suppress
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import zstandard
 
@@ -23,7 +24,9 @@ from rmr.record.mcap_format import (
     RecordCode,
     messages,
 )
+from rmr.record.mcap_index import AttachmentSpan, ChunkSpan, FileIndex, ScannedChannel, data_checksums, read_index
 from rmr.record.mcap_writer import PROFILE
+from rmr.record.run_about import METADATA_NAME, is_intact
 
 CONTENT_OCTETS_MAX: Final = 1 << 24
 """Bound of a record that is read whole; chunks and attachments have bounds of their own."""
@@ -36,37 +39,6 @@ _ATTACHMENT_HEAD_OCTETS: Final = 4096
 
 class RecordingError(Exception):
     """A recording cannot be read, or written; the message says which, why, and what to do."""
-
-
-class ScannedChannel(NamedTuple):
-    """A channel of a file."""
-
-    topic: str
-    encoding: str
-
-
-class ChunkSpan(NamedTuple):
-    """Where a chunk stands in its file."""
-
-    offset: int
-    """Of its data."""
-    length: int
-    """Octets of its data."""
-    begin: int
-    end: int
-    """Instants of its first and last message."""
-    size: int
-    """Octets of its records, uncompressed."""
-    crc: int
-    compression: str
-
-
-class AttachmentSpan(NamedTuple):
-    """Where the data of an attachment stands in its file."""
-
-    offset: int
-    size: int
-    media_type: str
 
 
 class McapScan:
@@ -85,8 +57,25 @@ class McapScan:
         """Offset behind the last whole record."""
         self.complete = False
         """Whether the file has been finished: it has its index."""
-        self._begin()
-        self.extend()
+        self._index = read_index(self._read, self.octets)
+        if self._index is None:
+            self._begin()
+            self.extend()
+        else:
+            self._take_index(self._index)
+
+    def _take_index(self, index: FileIndex) -> None:
+        """Take in what the index tells; a damaged beginning hides nothing then."""
+        if all(name != METADATA_NAME for name, _, _ in index.metadata):
+            self._begin()
+        self.channels = index.channels
+        self.chunks = index.chunks
+        self.attachments = index.attachments
+        for name, offset, length in index.metadata:
+            with suppress(FormatError):
+                self._note(name, Content(self._read(offset, length)).mapping())
+        self.end = self.octets
+        self.complete = True
 
     def _begin(self) -> None:
         magic = self._read(0, len(MAGIC))
@@ -130,6 +119,18 @@ class McapScan:
             self.end += HEAD.size + length
 
     @property
+    def damage(self) -> str | None:
+        """How the file is not as it was written, by the checksums of a finished one; None where they say that it is."""
+        if not self.complete:
+            return None
+        if self._index is None:
+            return "its index is damaged"
+        stated, crc = data_checksums(self._read, self._index)
+        if stated == 0:  # of a version that wrote none
+            return None
+        return None if stated == crc else "a checksum is wrong"
+
+    @property
     def being_written(self) -> bool:
         """Whether a process is writing the file."""
         return is_locked(self._file)
@@ -153,12 +154,16 @@ class McapScan:
                 raise FormatError("a record that is too long")
             content = Content(self._read(offset, length))
             if code == RecordCode.METADATA:
-                name = content.text()
-                self.metadata[name] = content.mapping()
+                self._note(content.text(), content.mapping())
             else:
                 number = content.number(2)
                 content.number(2)
                 self.channels[number] = ScannedChannel(content.text(), content.text())
+
+    def _note(self, name: str, values: dict[str, str]) -> None:
+        """Take in a metadata record; of two of one name the first counts, unless it is damaged and the other is not."""
+        if name not in self.metadata or (is_intact(values) and not is_intact(self.metadata[name])):
+            self.metadata[name] = values
 
     def _chunk(self, offset: int, length: int) -> ChunkSpan:
         head = self._read(offset, min(length, _CHUNK_HEAD_OCTETS))
@@ -184,7 +189,7 @@ class McapScan:
         inside = len(head) - content.left
         if inside + size > length:
             raise FormatError("an attachment whose data is longer than it")
-        self.attachments[name] = AttachmentSpan(offset + inside, size, media_type)
+        self.attachments[name] = AttachmentSpan(offset, offset + inside, size, media_type)
 
     def _read(self, offset: int, length: int) -> bytes:
         try:
@@ -193,9 +198,18 @@ class McapScan:
             raise RecordingError(f"{self.name}: {error.strerror or error}") from error
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the data of an attachment; None without one of that name."""
+        """Return the data of an attachment; None without one of that name. Raises FormatError if it is damaged."""
         span = self.attachments.get(name)
-        return None if span is None else self._read(span.offset, span.size)
+        if span is None:
+            return None
+        inside = span.offset - span.begin
+        content = self._read(span.begin, inside + span.size)
+        crc = int.from_bytes(self._read(span.offset + span.size, 4), "little")
+        if len(content) < inside + span.size:
+            raise FormatError("the file has become shorter")
+        if crc and zlib.crc32(content) != crc:
+            raise FormatError("a wrong checksum")
+        return content[inside:]
 
     def load(self, chunk: ChunkSpan) -> list[tuple[int, int, bytes]]:
         """Return the messages of a chunk: instant, channel number, data. Raises FormatError if it is damaged."""

@@ -41,6 +41,8 @@ class McapWriter:
 
         self._sink = sink
         self._position = 0
+        self._crc = 0
+        """Checksum of all that has been written."""
         self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL, write_content_size=True)
         self._schemas: dict[str, int] = {}
         self._repeated: list[bytes] = []
@@ -69,6 +71,7 @@ class McapWriter:
                 raise OSError("nothing was written")
             view = view[written:]
         self._position = offset + len(octets)
+        self._crc = zlib.crc32(octets, self._crc)
         return offset
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -153,7 +156,7 @@ class McapWriter:
     def finish(self) -> None:
         """Write what is left, and the summary with the index of the file. Nothing can be written afterwards."""
         self.flush()
-        self._put(mcap_format.record(RecordCode.DATA_END, struct.pack("<I", 0)))
+        self._put(mcap_format.record(RecordCode.DATA_END, struct.pack("<I", self._crc)))
         start = self._position
         groups = (
             (RecordCode.SCHEMA, self._repeated),

@@ -23,7 +23,7 @@ from rmr.base.time import Instant
 from rmr.record.being_written import lock
 from rmr.record.channels import BY_TOPIC, schema_of
 from rmr.record.mcap_writer import McapWriter, OctetSink
-from rmr.record.run_about import METADATA_NAME, RunAbout
+from rmr.record.run_about import METADATA_NAME, RunAbout, checked
 
 LIBRARY: Final = f"rmr {__version__}"
 
@@ -62,15 +62,16 @@ class RecordWriter:
         """Channel numbers by topic."""
         self._file = sink
         self._mcap: McapWriter | None = None
-        self._attempt(lambda: self._open(about))
+        self._about = checked(about.to_metadata())
+        self._attempt(self._open)
 
-    def _open(self, about: RunAbout) -> None:
+    def _open(self) -> None:
         if self._file is None:
             file = self.path.open("wb", buffering=0)
             lock(file.fileno())
             self._file = file
         mcap = McapWriter(self._file, LIBRARY)
-        mcap.metadata(METADATA_NAME, about.to_metadata())
+        mcap.metadata(METADATA_NAME, self._about)
         self._mcap = mcap
 
     def _attempt(self, step: Callable[[], object]) -> None:
@@ -169,6 +170,8 @@ class RecordWriter:
     def close(self) -> None:
         """Write the index and close the file."""
         self._encode()
+        if self._mcap is not None:
+            self.note(METADATA_NAME, self._about)
         if self._mcap is not None:
             self._attempt(self._mcap.finish)
             self._mcap = None

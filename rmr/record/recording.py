@@ -85,9 +85,16 @@ class Recording:
         return list(dict.fromkeys(name for part in self.parts for name in part.scan.attachments))
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the data of an attachment; None without one of that name."""
-        found = (part.scan.attachment(name) for part in self.parts)
-        return next((data for data in found if data is not None), None)
+        """Return the data of an attachment; None without one of that name, and a problem if it is damaged."""
+        for part in self.parts:
+            try:
+                data = part.scan.attachment(name)
+            except FormatError as error:
+                self.add_problem(f"{part.scan.name}: {name} is damaged and left out ({error})")
+                continue
+            if data is not None:
+                return data
+        return None
 
     def messages(
         self, topics: Collection[str] | None = None, begin: Instant = 0, end: Instant = NEVER
@@ -145,6 +152,13 @@ class Recording:
                 f"is damaged and left out ({error})"
             )
             return []
+
+    def check(self) -> bool:
+        """Return whether no file is damaged, by checksums of all octets; a problem for each that is."""
+        damaged = {part.scan.name: damage for part in self.parts if (damage := part.scan.damage) is not None}
+        for name, damage in damaged.items():
+            self.add_problem(f"{name}: the file is damaged: {damage}")
+        return not damaged
 
     def add_problem(self, problem: str) -> None:
         """Add a sentence on what is missing, unless it is there."""

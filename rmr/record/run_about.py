@@ -3,6 +3,7 @@
 import os
 import platform
 import sys
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Final
@@ -14,6 +15,21 @@ from rmr.base.ids import listed, spelled
 FORMAT: Final = "1"
 """Version of the channels and their messages. A reader refuses another one."""
 METADATA_NAME: Final = "rmr"
+
+
+CHECKSUM: Final = "checksum"
+"""Key of the checksum of the other values. The record stands at both ends of a file, as a damaged one leaves nothing to
+read the rest by."""
+
+
+def checked(values: Mapping[str, str]) -> dict[str, str]:
+    """Return `values` with their checksum."""
+    return {**values, CHECKSUM: f"{zlib.crc32(repr(sorted(values.items())).encode()):08x}"}
+
+
+def is_intact(values: Mapping[str, str]) -> bool:
+    """Return whether the checksum of `values` is right."""
+    return checked({key: value for key, value in values.items() if key != CHECKSUM}) == values
 
 
 class AboutError(ValueError):

@@ -3,12 +3,15 @@
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader, make_reader
 from record_maker import about, end_without_closing, trace, write_part
 
+from rmr.record.joining import NothingToDoError, recover
 from rmr.record.mcap_format import HEAD, MAGIC, RecordCode
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
@@ -94,6 +97,124 @@ def test_a_damaged_chunk_is_left_out_and_told(whole, tmp_path):
         assert len(list(recording.messages())) == 200
         [problem] = recording.problems
     assert "from 1.000 s to 1.990 s is damaged and left out" in problem
+
+
+def recovered(path) -> tuple[list[int], tuple[str, ...]] | None:
+    """Recover `path`; return the instants that other readers find in it, and what is told. None: told as unreadable."""
+    try:
+        problems, told = recover(path).problems, ""
+    except NothingToDoError:
+        problems, told = (), ""
+    except RecordingError as error:
+        problems, told = (), str(error)
+    if told:
+        assert told.startswith(str(path))
+        return None
+    with path.open("rb") as file:
+        read = [message.log_time for _, _, message in make_reader(file, validate_crcs=True).iter_messages()]
+        file.seek(0)
+        streamed = NonSeekingReader(file, validate_crcs=True).iter_messages()
+        assert [message.log_time for _, _, message in streamed] == read
+    return read, problems
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A recording of three chunks with two messages each, an attachment, and nothing that a run would not have."""
+    path = tmp_path_factory.mktemp("small") / "run.mcap"
+    writer = RecordWriter(path, about())
+    writer.attach("floor.json", b"{}")
+    for number in range(6):
+        writer.write("/mind", number, {"robot": 1, "epoch": 0, "data": b"octets"})
+        if number % 2:
+            writer.flush()
+    writer.close()
+    return path.read_bytes()
+
+
+def check_flip(small: bytes, at: int, mask: int, path) -> None:
+    """Check what becomes of a recording in which the octet `at` is damaged."""
+    octets = bytearray(small)
+    octets[at] ^= mask
+    path.write_bytes(octets)
+    found = recovered(path)
+    assert found is not None, f"octet {at}"
+    read, problems = found
+    lost = sorted(set(range(6)) - set(read))
+    assert lost in ([], [0, 1], [2, 3], [4, 5]), f"octet {at}"
+    assert problems, f"octet {at}"
+    assert sum("damaged and left out" in each for each in problems) == bool(lost) + (not attached(path)), f"octet {at}"
+    with open_recording(path) as recording:
+        assert replace(recording.about, process="") == replace(about(), process=""), f"octet {at}"
+    assert not set(read) - set(range(6))
+
+
+def attached(path) -> bool:
+    with open_recording(path) as recording:
+        return recording.attachment("floor.json") == b"{}"
+
+
+EVERY = [
+    pytest.param(41, marks=pytest.mark.fast, id="each 41st octet"),
+    pytest.param(1, marks=[pytest.mark.slow, pytest.mark.timeout(600)], id="each octet"),
+]
+
+
+@pytest.mark.parametrize("step", EVERY)
+def test_a_recording_with_any_octet_damaged_is_recovered_for_every_reader_without_the_chunk_alone(
+    small, tmp_path, step
+):
+    path = tmp_path / "run.mcap"
+    for at in range(0, len(small), step):
+        check_flip(small, at, (0xFF, 0x01, 0x80)[at % 3], path)
+
+
+@pytest.mark.parametrize("step", EVERY)
+def test_a_recording_cut_anywhere_is_recovered_for_every_reader_up_to_there(small, tmp_path, step):
+    path = tmp_path / "run.mcap"
+    longest = 0
+    for length in range(0, len(small), step):
+        path.write_bytes(small[:length])
+        found = recovered(path)
+        if found is None:
+            assert longest == 0
+            continue
+        read, problems = found
+        assert read == list(range(len(read)))
+        assert len(read) >= longest
+        assert "the file was cut short" in problems[0]
+        longest = len(read)
+    assert longest == 6
+
+
+@given(st.data())
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_recording_damaged_in_several_places_is_recovered_for_every_reader_or_told(small, tmp_path, data):
+    octets = bytearray(small[: data.draw(st.integers(0, len(small)))])
+    for _ in range(data.draw(st.integers(0, 4))):
+        if octets:
+            octets[data.draw(st.integers(0, len(octets) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(octets)
+    found = recovered(path)
+    assert found is None or set(found[0]) <= set(range(6))
+
+
+def test_a_whole_recording_is_left_as_it_is(small, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(small)
+    with pytest.raises(NothingToDoError):
+        recover(path)
+    assert path.read_bytes() == small
+
+
+def test_a_damaged_attachment_is_left_out_and_told(small, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(small.replace(b"{}", b"{]", 1))
+    with open_recording(path) as recording:
+        assert recording.attachment("floor.json") is None
+        [problem] = recording.problems
+    assert problem == f"{path}: floor.json is damaged and left out (a wrong checksum)"
 
 
 @pytest.mark.parametrize(
