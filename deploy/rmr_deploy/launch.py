@@ -264,7 +264,10 @@ class LabRun:
             children = self._processes.children
             living = self._living()
             paused = self.faults.paused
-            return told_status(self.plan, children, self._robots, self.monitor, living=living, paused=paused)
+            ready_s = self.outcome.ready_s
+            return told_status(
+                self.plan, children, self._robots, self.monitor, living=living, paused=paused, ready_s=ready_s
+            )
         if request.get("do") == "facts":
             return told_facts(self.monitor, request.get("robot"))
         return self._order(request)
@@ -310,8 +313,8 @@ class LabRun:
             if by_hand or replaced or child.name in self.faults.crashed:
                 self.outcome.excused.add(child.name)
         may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
-        on_purpose = may_die or all(child.name in self.outcome.excused for child in news)
-        if news and not (on_purpose and self._can_go_on()):
+        asked = all(child.name in self.outcome.excused for child in news)
+        if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
     def _note_returned(self) -> None:
@@ -334,9 +337,10 @@ class LabRun:
     def _robots_of(self, child: Child) -> list[int]:
         return [robot for robot, one in self._robots.items() if one is child]
 
-    def _can_go_on(self) -> bool:
-        ready = self.outcome.ready_s is not None or self.plan.options.restart is not None
-        return ready and "world" not in self.outcome.died and bool(self._living())
+    def _can_go_on(self, *, asked: bool) -> bool:
+        """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""
+        may_lack = asked or self.outcome.ready_s is not None or self.plan.options.restart is not None
+        return may_lack and "world" not in self.outcome.died and bool(self._living())
 
     def _draw(self, *, now: bool = False) -> None:
         if not now and time.monotonic() < self._drawn + DRAW_S:

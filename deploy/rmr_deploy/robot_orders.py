@@ -1,7 +1,7 @@
 """`rmr kill`, `stop`, `start`, `restart`, `pause` and `unpause`: orders about robots of a lab that runs.
 
-The launcher carries them out, for it alone may signal its processes and start them again. A verb waits until the order
-has taken effect: until the process has ended, or is started.
+The launcher carries them out, for it alone may signal its processes and start them again. A verb waits until the lab
+has started, and then until the order has taken effect: until the process has ended, or is started.
 """
 
 import signal
@@ -14,10 +14,12 @@ from typing import Any
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, recorded_run
 from rmr_deploy.fleet_listing import told_status
-from rmr_deploy.run_choice import FleetError, check_robots, chosen_run
+from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown
 from rmr_deploy.run_requests import RequestError, UnansweredError, ask_launcher
 
 POLL_S = 0.05
+START_S = 35.0
+"""Limit for a lab to have started; its launcher gives up after 30 s (`launch.READY_S_MAX`)."""
 KILL_S = 5.0
 """Limit for a process to end after SIGKILL."""
 
@@ -73,6 +75,8 @@ def give_order(
     check_robots(run, robots)
     if not run.launched:
         raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
+    if verb != "start":
+        _wait_for_start(run, NAMES.get(verb, verb))
     code = ExitCode.OK
     more: dict[str, float] = {**(lengths or {}), **({} if signal is None else {"signal": signal})}
     for robot in robots:
@@ -87,6 +91,22 @@ def give_order(
         else:
             print(f"robot {robot} is {DONE[verb]}")
     return code
+
+
+def _wait_for_start(run: LaunchedRun, verb: str) -> None:
+    """Wait until all robots of `run` have been ready. Raises FleetError if it is over before, or takes too long."""
+    end = time.monotonic() + START_S
+    waiting = False
+    while (told := told_status(run)) is not None and told["ready_s"] is None:
+        if not waiting:
+            print(f"rmr {verb}: lab {run.lab} is starting: waiting until its robots are ready", file=sys.stderr)
+            waiting = True
+        if time.monotonic() > end:
+            raise FleetError(f"lab {run.lab} has not started within {START_S:g} s; see rmr ps", ExitCode.FAILED)
+        time.sleep(POLL_S)
+    if waiting and not run.launched:
+        message = f"lab {run.lab} was over before it had started; rmr events --run {shown(run.folder)} tells why"
+        raise FleetError(message, ExitCode.FAILED)
 
 
 def _order(

@@ -17,14 +17,17 @@ def told_status(
     *,
     living: Sequence[int],
     paused: Sequence[str],
+    ready_s: float | None,
 ) -> dict[str, Any]:
     """Return the state of a run as plain data; `paused` are the names of the processes that are stopped for a while.
 
-    `processes` has every process that was started, `robots` each robot of the lab with its present process.
+    `ready_s` is how long after the launcher's beginning all robots were ready; None before. In the data, `processes`
+    has every process that was started, `robots` each robot of the lab with its present process.
     """
     running = monitor is not None and monitor.running(plan.lab.roster)
     return {
         "lab": plan.lab.name,
+        "ready_s": ready_s,
         "time_s": round(monitor.now_s, 3) if monitor is not None and running else None,
         "processes": [_process(child, child.name in paused) for child in children],
         "robots": [_robot(robot, robots[robot], monitor, robot in living) for robot in plan.lab.roster],

@@ -28,6 +28,7 @@ BEHAVIOURS = {
     "roam": "never finishes",
     "deaf": "never finishes and does not leave when asked, nor at SIGTERM",
     "stall": "finishes as soon as the file of STANDIN_RELEASE is there",
+    "late": "is ready as soon as the file of STANDIN_RELEASE is there, and never finishes",
     "mute": "says nothing at all",
 }
 
@@ -62,6 +63,8 @@ async def robot(options: argparse.Namespace, ending: Ending) -> None:
             ending.ask("told to")
 
     bus.subscribe(keys.stop(options.id), stop)
+    while behaviour == "late" and not Path(os.environ["STANDIN_RELEASE"]).exists() and not ending.asked:
+        await asyncio.sleep(PERIOD_S)
     turn = 0
     while not ending.asked:
         await asyncio.sleep(PERIOD_S)

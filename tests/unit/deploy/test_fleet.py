@@ -11,6 +11,7 @@ from fleet_runs import StandinRun, eventually, rmr, rows
 
 from rmr_deploy.active_runs import REGISTER_VARIABLE, active_runs, register, write_processes
 from rmr_deploy.process_identity import lives
+from rmr_deploy.run_requests import ask_launcher
 
 pytestmark = pytest.mark.slow
 
@@ -192,6 +193,57 @@ def test_robot_that_was_killed_and_restarted_counts_as_itself_and_the_run_waits_
 
 def refused_order(answer):
     return refused(answer, 1)
+
+
+def starting(run):
+    """Wait until the launcher answers."""
+    eventually((run.folder / "processes.json").exists)
+    eventually(lambda: rows()["robot-1"]["state"] == "ready")
+    return run
+
+
+def test_order_waits_until_the_lab_has_started(start, tmp_path):
+    run = starting(start("roam", "late"))
+    told = tmp_path / "told"
+    with told.open("w") as sink:
+        words = [sys.executable, "-P", "-m", "rmr_deploy.fleet", "restart", "--force", "1"]
+        order = subprocess.Popen(words, stdout=sink, stderr=sink, cwd=tmp_path)
+    try:
+        eventually(lambda: "rmr restart: lab standin is starting: waiting until its robots" in told.read_text())
+        assert "robot-1.1" not in rows()
+        run.release()
+        assert order.wait(60) == 0
+        assert told.read_text().endswith("robot 1 is started again\n")
+        assert run.process.poll() is None, run.said
+    finally:
+        order.kill()
+        order.wait()
+
+
+def test_order_to_a_lab_that_is_over_before_it_has_started_says_so(start, tmp_path):
+    run = starting(start("roam", "late"))
+    told = tmp_path / "told"
+    with told.open("w") as sink:
+        words = [sys.executable, "-P", "-m", "rmr_deploy.fleet", "pause", "1"]
+        order = subprocess.Popen(words, stdout=sink, stderr=sink, cwd=tmp_path)
+    try:
+        eventually(lambda: "is starting" in told.read_text())
+        run.process.send_signal(signal.SIGINT)
+        assert order.wait(60) == 1
+        assert "lab standin was over before it had started; rmr events --run run-standin tells why" in told.read_text()
+    finally:
+        order.kill()
+        order.wait()
+
+
+def test_stop_that_was_asked_for_while_the_lab_starts_is_no_death(start):
+    run = starting(start("roam", "late"))
+    ask_launcher(run.folder, {"do": "stop", "robot": 1})
+    eventually(lambda: rows()["robot-1"]["state"] == "ended (0)")
+    assert rmr("start", "1").stdout == "robot 1 is started\n", run.said
+    run.release()
+    run.running()
+    eventually(lambda: rows()["robot-1.1"]["state"] == "running")
 
 
 def test_finish_of_a_restarted_robot_is_waited_for_and_the_exit_code_is_0(start, monkeypatch):
