@@ -11,6 +11,7 @@ another user has written, as in a `runs` in a shared folder, is no record of thi
 
 import json
 import os
+import shlex
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -123,10 +124,11 @@ class LaunchedRun:
 # --- writing
 
 
-def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapping[str, Any]) -> None:
+def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapping[str, Any]) -> str:
     """Write the endpoint, the ids of the processes and what runs (`lab`) into the run folder. Raises OSError.
 
-    Called again when a process was started: the starts of those that have ended since are kept.
+    Called again when a process was started: the starts of those that have ended since are kept. Returns a warning if
+    the run is not in the register; empty if it is.
     """
     before = _read(folder).get("started")
     known = before if isinstance(before, dict) else {}
@@ -135,10 +137,16 @@ def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapp
     record: dict[str, Any] = {"launcher": launcher, "connect": endpoint, "processes": pids}
     record |= {"started": {name: mark for name, mark in found.items() if mark}, "lab": dict(lab)}
     _write(folder / PROCESSES_FILE, record)
-    entry = _entry()
-    if entry is not None:
-        with suppress(OSError):  # without the register the run is found in ./runs
-            _write(entry, {**record, "folder": str(folder.resolve())})
+    place = register()
+    why = f"there is no folder for it that only you can write ({', '.join(map(str, register_places()))})"
+    try:
+        if place is not None:
+            _write(place / f"{launcher}.json", {**record, "folder": str(folder.resolve())})
+            return ""
+    except OSError as error:
+        why = f"{place}: {error.strerror or error}"
+    by = f"other commands find it by --run {shlex.quote(str(folder))} alone"
+    return f"this run is not in the register: {why}; {by}"
 
 
 def write_end(folder: Path, exit_code: int) -> None:
@@ -147,10 +155,9 @@ def write_end(folder: Path, exit_code: int) -> None:
     with suppress(OSError):  # the folder was removed
         if record:
             _write(folder / PROCESSES_FILE, record | {"exit_code": exit_code})
-    entry = _entry()
-    if entry is not None:
+    for place in _registers():
         with suppress(OSError):
-            entry.unlink(missing_ok=True)
+            (place / f"{os.getpid()}.json").unlink(missing_ok=True)
 
 
 def _write(path: Path, record: Mapping[str, Any]) -> None:
@@ -170,33 +177,52 @@ def _write(path: Path, record: Mapping[str, Any]) -> None:
 # --- the register
 
 
-def _entry() -> Path | None:
-    folder = register()
-    return None if folder is None else folder / f"{os.getpid()}.json"
+def register_places() -> list[Path]:
+    """Return the folders that the register may be in, the one to write first.
+
+    The first ones do not depend on the environment, which differs between shells, cron, services and build steps.
+    """
+    named = os.environ.get(REGISTER_VARIABLE)
+    if named:
+        return [Path(named)]
+    own = f"rmr-{os.getuid()}"
+    places = [(Path("/run/user", str(os.getuid())), "rmr"), (Path("/tmp"), own)]
+    for name, inside in (("XDG_RUNTIME_DIR", "rmr"), ("TMPDIR", own)):
+        if given := os.environ.get(name):
+            places.append((Path(given), inside))
+    return list(dict.fromkeys(folder / inside for folder, inside in places if folder.is_dir()))
 
 
 def register() -> Path | None:
-    """Return the register's folder, which nobody else can write; None if there can be none."""
-    named = os.environ.get(REGISTER_VARIABLE)
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if named:
-        folder = Path(named)
-    elif runtime and Path(runtime).is_dir():
-        folder = Path(runtime) / "rmr"
-    else:
-        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"rmr-{os.getuid()}"
+    """Return the folder to write the register in, which nobody else can write; None if there can be none."""
+    for folder in register_places():
+        with suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _safe(folder):
+            return folder
+    return None
+
+
+def _registers() -> list[Path]:
+    return [folder for folder in register_places() if _safe(folder)]
+
+
+def _safe(folder: Path) -> bool:
+    """Whether a folder is there, is the user's, and nobody else can write it."""
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.lstat()
     except OSError:
-        return None
-    ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
-    return folder if ours else None
+        return False
+    return (
+        stat.S_ISDIR(found.st_mode)
+        and found.st_uid == os.getuid()
+        and not found.st_mode & 0o022
+        and os.access(folder, os.W_OK | os.X_OK)
+    )
 
 
 def _registered() -> Iterator[LaunchedRun]:
-    folder = register()
-    for path in sorted(folder.glob("*.json")) if folder is not None else ():
+    for path in (path for folder in _registers() for path in sorted(folder.glob("*.json"))):
         record = _read_file(path)
         where = record.get("folder")
         run = LaunchedRun(Path(where if isinstance(where, str) else "?"), record)
@@ -259,11 +285,6 @@ def secret_of(folder: Path) -> Path | None:
     """Return the file with the secret of the run in `folder`; None if it has none, or is over."""
     path = folder / SECRET_FILE
     return path if path.exists() else None
-
-
-def newest_run(runs: Path) -> Path | None:
-    """Return the folder of the newest run under way, of those in `runs`."""
-    return next(filter(under_way, _folders(runs)), None)
 
 
 def _folders(runs: Path) -> list[Path]:

@@ -74,6 +74,8 @@ def _interrupted(launcher: "subprocess.Popen[bytes]", told: dict[str, Any]) -> i
 
 
 def _show_start(told: dict[str, Any], launcher: int, *, as_json: bool) -> None:
+    if "warning" in told:
+        print(f"rmr up: {told['warning']}", file=sys.stderr)
     if as_json:
         keys = ("lab", "folder", "connect", "page", "ready_s")
         print(json.dumps({**{key: told[key] for key in keys if key in told}, "launcher": launcher}))

@@ -22,18 +22,11 @@ from rmr.bus.session import Bus, NobodyThereError, open_bus
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
-from rmr_deploy.active_runs import REPORT_FILE, endpoint_of, newest_run, secret_of
+from rmr_deploy.active_runs import REPORT_FILE, secret_of
+from rmr_deploy.run_choice import FleetError, found_run, shown
 
 ASK_S = 2.0
 """Limit for the world's answer, which takes milliseconds unless its machine is overloaded."""
-
-
-class FaultError(Exception):
-    """The request failed: why, for people, and the exit code."""
-
-    def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(message)
-        self.exit_code = exit_code
 
 
 class WorldAddress(NamedTuple):
@@ -56,10 +49,10 @@ def perform(
 ) -> int:
     """Send `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
-        place = find(connect, folder, secret)
+        place = find(connect, folder, secret, lab)
         keys = keys_of(lab)
         told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
-    except FaultError as error:
+    except FleetError as error:
         print(f"rmr fault: {error}", file=sys.stderr)
         return error.exit_code
     if told.refused:
@@ -69,30 +62,32 @@ def perform(
     return ExitCode.OK
 
 
-def find(connect: str | None, folder: Path | None, secret: Path | None) -> WorldAddress:
-    """Return where the world listens: as said, as the run folder says, or as a run under way here does."""
+def find(connect: str | None, folder: Path | None, secret: Path | None, lab: str | None) -> WorldAddress:
+    """Return where the world listens: as said, or that of the run that every verb means; else at the default endpoint.
+
+    There a lab listens that was started by hand. Raises FleetError.
+    """
     if connect is not None:
         try:
             return WorldAddress(check_endpoint(connect), secret)
         except BusError as error:
-            raise FaultError(str(error), ExitCode.USAGE) from None
-    where = folder or newest_run(Path("runs"))
-    if where is None:
+            raise FleetError(str(error), ExitCode.USAGE) from None
+    run = found_run(folder, lab)
+    if run is None:
         return WorldAddress(DEFAULT_ENDPOINT, secret)
-    endpoint = endpoint_of(where)
-    if endpoint is None:
-        raise FaultError(f"{where} is no folder of a run of processes", ExitCode.USAGE)
-    if (where / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
-        raise FaultError(f"the run in {where} is over", ExitCode.FAILED)
-    return WorldAddress(endpoint, secret or secret_of(where))
+    if run.endpoint is None:
+        raise FleetError(f"the record of the run in {shown(run.folder)} does not say where its world listens")
+    if (run.folder / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
+        raise FleetError(f"the run in {shown(run.folder)} is over", ExitCode.FAILED)
+    return WorldAddress(run.endpoint, secret or secret_of(run.folder))
 
 
 def keys_of(lab: str | None) -> Keys:
-    """Return the keys of `lab`, None: of any. Raises FaultError."""
+    """Return the keys of `lab`, None: of any. Raises FleetError."""
     try:
         return Keys(lab or ANY_LAB)
     except ValueError as error:
-        raise FaultError(str(error), ExitCode.USAGE) from None
+        raise FleetError(str(error), ExitCode.USAGE) from None
 
 
 async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
@@ -108,23 +103,23 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
 
 @contextmanager
 def opened(place: WorldAddress) -> Iterator[Bus]:
-    """Open the bus at `place` for an operator, and close it in the end. Raises FaultError."""
+    """Open the bus at `place` for an operator, and close it in the end. Raises FleetError."""
     endpoint = place.endpoint
     if missing := unreadable((place.secret,)):
-        raise FaultError(missing[0], ExitCode.USAGE)
+        raise FleetError(missing[0], ExitCode.USAGE)
     try:
         secret = None if place.secret is None else read_secret(place.secret)
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
     except SecretError as error:
-        raise FaultError(str(error), ExitCode.INVALID) from None
+        raise FleetError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
         problem = host_problem(endpoint)
         foreign = stranger(endpoint)
-        raise FaultError(
+        raise FleetError(
             f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", ExitCode.FAILED
         ) from None
     except BusError as error:
-        raise FaultError(str(error), ExitCode.FAILED) from None
+        raise FleetError(str(error), ExitCode.FAILED) from None
     try:
         yield bus
     finally:
@@ -132,16 +127,16 @@ def opened(place: WorldAddress) -> Iterator[Bus]:
 
 
 async def ask_world(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint: str) -> wire.Disturbances:
-    """Return the world's answer to `question`. Raises FaultError."""
+    """Return the world's answer to `question`. Raises FleetError."""
     replies = await bus.ask(keys.disturbances, question, ASK_S)
     told = [envelope.body for envelope, _ in replies if isinstance(envelope.body, wire.Disturbances)]
     labs = sorted({one.lab for one in told})
     if len(labs) > 1:
         message = f"several labs run at {endpoint}: {', '.join(labs)}; choose with --lab"
-        raise FaultError(message, ExitCode.USAGE)
+        raise FleetError(message, ExitCode.USAGE)
     if not told:
         who = "no lab's world" if keys.lab == ANY_LAB else f"no world of lab {keys.lab}"
-        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", ExitCode.FAILED)
+        raise FleetError(f"{who} answers at {endpoint}, though a zenoh router does", ExitCode.FAILED)
     return told[0]
 
 

@@ -60,9 +60,9 @@ def _declare_place(parser: "Parser") -> None:
     from rmr.bus.endpoint import DEFAULT_ENDPOINT
 
     parser.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}.")
-    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder.")
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, where no run folder holds it.")
-    parser.option("--lab", metavar="NAME", help="The lab, where several run at one endpoint.")
+    parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     parser.flag("--json", dest="as_json", help="What disturbs the radio now, as JSON.")
 
 
@@ -210,9 +210,8 @@ SUBCOMMANDS: dict[str, Row] = {
 ABOUT = """\
 Break things in a lab that runs: its robots and its radio.
 
-For kill, stall, slow and outage the lab is the only one that runs on this machine. For the radio it is that of the
-newest run under way in ./runs, else the one whose world listens at the default endpoint, and each command shows what
-disturbs the radio then.
+The lab is the only one that runs on this machine; if several run, choose with --run or --lab. If none does, the radio
+is that of the lab whose world listens at the default endpoint. Each command about the radio shows what disturbs it.
 """
 
 

@@ -11,10 +11,11 @@ from typing import Any, Final
 
 from rmr.base.time import in_seconds
 from rmr.bus.keys import Keys
-from rmr_deploy.disturb import FaultError, WorldAddress
+from rmr_deploy.disturb import WorldAddress
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.load_run import Outcome, distribute, lines
 from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_choice import FleetError
 from rmr_world.lab import ProgramLoad
 from rmr_world.lab_program import LoadedProgram
 
@@ -51,7 +52,7 @@ class LabLoads:
         try:
             outcome = await distribute(self._place, Keys(lab.name), program, load.robots or None, via="radio")
             told = "\n".join(lines(outcome))
-        except FaultError as error:
+        except FleetError as error:
             outcome = _failed(program, load.robots or lab.roster, str(error))
             told = f"no robot gets it: {error}"
         del entry["problem"]

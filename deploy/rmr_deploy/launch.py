@@ -99,9 +99,12 @@ class LabRun:
             loop.add_signal_handler(number, self._interrupt, number.name)
         try:
             self._page = open_page(self.plan, self._screen.say)
-            self._start()
-            page = {} if self._page is None else {"page": self._page.address}
-            self.events.note("started", f"lab {self.plan.lab.name} starts", connect=self._endpoint, **page)
+            unregistered = self._start()
+            about = {} if self._page is None else {"page": self._page.address}
+            if unregistered:
+                about["warning"] = unregistered
+                self._screen.say(unregistered)
+            self.events.note("started", f"lab {self.plan.lab.name} starts", connect=self._endpoint, **about)
             await self._attend()
             self.outcome.dead = [robot for robot in self.plan.lab.roster if not self._is_there(robot)]
             self.events.note("over", self.outcome.reason, finished=self.outcome.finished, reason=self.outcome.reason)
@@ -130,7 +133,8 @@ class LabRun:
 
     # --- start ---------------------------------------------------------------------------------------------
 
-    def _start(self) -> None:
+    def _start(self) -> str:
+        """Start the processes; return what `write_processes` does. Raises OSError."""
         plan = self.plan
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
@@ -139,14 +143,14 @@ class LabRun:
             ids = spelled(robots)
             child = self._child(f"robot-{ids}", f"robots-{ids}", agent_command(plan, robots, endpoint))
             self._robots |= dict.fromkeys(robots, child)
-        self._record_processes()
+        return self._record_processes()
 
-    def _record_processes(self) -> None:
-        """Write the processes into the run folder. Raises OSError."""
+    def _record_processes(self) -> str:
+        """Write the processes into the run folder; return what `write_processes` does. Raises OSError."""
         lab = self.plan.lab
         pids = {child.name: child.pid for child in self._processes.children}
         about = {"name": lab.name, "file": str(lab.path.resolve()), "robots": len(lab.robots), "seed": lab.seed}
-        write_processes(self.plan.folder, self._endpoint, pids, about | {"roster": list(lab.roster)})
+        return write_processes(self.plan.folder, self._endpoint, pids, about | {"roster": list(lab.roster)})
 
     def _start_again(self, robots: Sequence[int], name: str) -> Child:
         """Start the process `name`, which is `robots` from now on. Raises OSError."""

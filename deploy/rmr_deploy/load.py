@@ -17,7 +17,8 @@ ABOUT = """\
 Give running robots a new program.
 
 Each robot verifies it; then all switch to it at one instant of lab time, or none does, with the reason for each robot.
-The lab is that of the newest run under way in ./runs, else the one whose world listens at the default endpoint.
+The lab is the only one that runs on this machine; if several run, choose with --run or --lab. If none does, it is the
+one whose world listens at the default endpoint.
 """
 
 
@@ -31,9 +32,9 @@ def _declare(parser: "Parser") -> None:
     parser.choice("--via", ("bus", "radio"), help="How it gets to the robots: bus, or radio from robot to robot.")
     parser.flag("--dry-run", help="Only say whether the robots could run it, and which facts they would drop.")
     parser.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}.")
-    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder.")
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, where no run folder holds it.")
-    parser.option("--lab", metavar="NAME", help="The lab, where several run at one endpoint.")
+    parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     parser.flag("--json", dest="as_json", help="The outcome as JSON.")
 
 

@@ -22,7 +22,8 @@ from rmr.entry import ExitCode
 from rmr.load.load_coordinator import LoadCoordinator
 from rmr.load.load_messages import LoadError
 from rmr.load.load_pace import BUS
-from rmr_deploy.disturb import FaultError, WorldAddress, ask_world, find, keys_of, opened
+from rmr_deploy.disturb import WorldAddress, ask_world, find, keys_of, opened
+from rmr_deploy.run_choice import FleetError
 from rmr_world.finding import LabError
 from rmr_world.lab_program import LoadedProgram, load_program
 
@@ -56,12 +57,12 @@ def perform(
         return ExitCode.USAGE
     try:
         loaded = load_program(program)
-        place = find(connect, folder, secret)
+        place = find(connect, folder, secret, lab)
         outcome = asyncio.run(distribute(place, keys_of(lab), loaded, robots, via=via or "bus", dry=dry_run))
     except (ProgramError, LabError) as error:
         print(f"rmr load: {error}", file=sys.stderr)
         return ExitCode.INVALID
-    except FaultError as error:
+    except FleetError as error:
         print(f"rmr load: {error}", file=sys.stderr)
         return error.exit_code
     if loaded.warnings:
@@ -110,7 +111,7 @@ async def distribute(
     via: str = "bus",
     dry: bool = False,
 ) -> Outcome:
-    """Distribute `program` to `robots` (None: all of the lab); return the outcome. Raises FaultError."""
+    """Distribute `program` to `robots` (None: all of the lab); return the outcome. Raises FleetError."""
     with opened(place) as bus:
         told = await ask_world(bus, keys, wire.AskDisturbances("list", None), place.endpoint)
         heard_ns = time.monotonic_ns()
@@ -120,16 +121,16 @@ async def distribute(
         strangers = [robot for robot in wanted if robot not in roster]
         if strangers:
             message = f"lab {keys.lab} has no robot {spelled(strangers)}; its robots are {spelled(roster)}"
-            raise FaultError(message, ExitCode.USAGE)
+            raise FleetError(message, ExitCode.USAGE)
         if told.stamp < 0:
-            raise FaultError(f"lab {told.lab} has not started yet: robots get programs while they run", ExitCode.FAILED)
+            raise FleetError(f"lab {told.lab} has not started yet: robots get programs while they run", ExitCode.FAILED)
         named = sorted(wanted) != sorted(roster)
         try:
             if via == "radio":
                 return await _over_radio(bus, keys, program, wanted, named=named, dry=dry)
             coordinator = LoadCoordinator(program.octets, program.digest, wanted, BUS, dry=dry, named=named)
         except LoadError as error:
-            raise FaultError(str(error), ExitCode.USAGE) from None
+            raise FleetError(str(error), ExitCode.USAGE) from None
         return await _over_bus(bus, keys, coordinator, lambda: told.stamp + time.monotonic_ns() - heard_ns)
 
 
@@ -145,7 +146,7 @@ async def _roster(bus: Bus, keys: Keys) -> list[int]:
     try:
         return await asyncio.wait_for(found, TRUTH_S)
     except TimeoutError:
-        raise FaultError(f"the world of lab {keys.lab} does not say which robots it has", ExitCode.FAILED) from None
+        raise FleetError(f"the world of lab {keys.lab} does not say which robots it has", ExitCode.FAILED) from None
     finally:
         withdraw()
 
@@ -201,7 +202,7 @@ async def _over_radio(
         message = (
             f"the program has {len(program.octets)} octets, too many for the radio ({RADIO_OCTETS_MAX}): --via bus"
         )
-        raise FaultError(message, ExitCode.USAGE)
+        raise FleetError(message, ExitCode.USAGE)
     by = await _first_alive(bus, keys, robots)
     loop = asyncio.get_running_loop()
     told: asyncio.Future[wire.LoadOutcome] = loop.create_future()
@@ -216,11 +217,11 @@ async def _over_radio(
         answer = await asyncio.wait_for(told, RADIO_S)
     except TimeoutError:
         message = f"robot {by}, which was to distribute the program, has not answered: ask again with --dry-run"
-        raise FaultError(message, ExitCode.FAILED) from None
+        raise FleetError(message, ExitCode.FAILED) from None
     finally:
         withdraw()
     if answer.refused:
-        raise FaultError(f"robot {by}: {answer.refused}", ExitCode.FAILED)
+        raise FleetError(f"robot {by}: {answer.refused}", ExitCode.FAILED)
     return {"by": by, **json.loads(answer.result)}
 
 
@@ -238,4 +239,4 @@ async def _first_alive(bus: Bus, keys: Keys, robots: list[int]) -> int:
         return await asyncio.wait_for(found, TRUTH_S)
     except TimeoutError:
         message = f"no robot of {spelled(sorted(robots))} runs in lab {keys.lab}"
-        raise FaultError(message, ExitCode.FAILED) from None
+        raise FleetError(message, ExitCode.FAILED) from None

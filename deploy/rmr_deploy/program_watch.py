@@ -12,9 +12,10 @@ from typing import Final
 
 from rmr.base.errors import ProgramError
 from rmr.bus.keys import Keys
-from rmr_deploy.disturb import FaultError, WorldAddress
+from rmr_deploy.disturb import WorldAddress
 from rmr_deploy.load_run import distribute, lines
 from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_choice import FleetError
 from rmr_world.finding import LabError
 from rmr_world.lab_program import load_program
 
@@ -77,7 +78,7 @@ class ProgramWatch:
                 self._say(f"{program.name} compiles to the program that runs")
                 return
             outcome = await distribute(self._place, Keys(self._plan.lab.name), loaded, None)
-        except (ProgramError, LabError, FaultError) as error:
+        except (ProgramError, LabError, FleetError) as error:
             self._say(f"{program.name} is not loaded: {str(error).rstrip()}")
             return
         if outcome["switched"]:

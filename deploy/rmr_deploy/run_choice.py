@@ -6,7 +6,18 @@ from pathlib import Path
 
 from rmr.base.ids import spelled
 from rmr.entry import ExitCode
-from rmr_deploy.active_runs import RUNS, LaunchedRun, active_runs, is_ours, past_runs, recorded_run
+from rmr_deploy.active_runs import (
+    RUNS,
+    LaunchedRun,
+    active_runs,
+    is_ours,
+    past_runs,
+    recorded_run,
+    register_places,
+)
+
+RECORDINGS = ("run.mcap", "record")
+"""What a run leaves that can be shown: its recording, or the files that are not joined yet (`rmr.record.recording`)."""
 
 
 class FleetError(Exception):
@@ -22,6 +33,14 @@ def chosen_run(folder: Path | None, lab: str | None, *, past: bool = False) -> L
 
     With `past` it may be over: without a run under way the newest in ./runs is meant.
     """
+    run = found_run(folder, lab, past=past)
+    if run is None:
+        raise FleetError(_nothing(lab, past=past))
+    return run
+
+
+def found_run(folder: Path | None, lab: str | None, *, past: bool = False) -> LaunchedRun | None:
+    """Return what `chosen_run` does; None if no folder is named and nothing fits. Raises FleetError."""
     if folder is not None:
         return _named(folder, past=past)
     runs = [run for run in active_runs() if lab in (None, run.lab)]
@@ -30,18 +49,43 @@ def chosen_run(folder: Path | None, lab: str | None, *, past: bool = False) -> L
     if runs:
         return runs[0]
     over = [run for run in past_runs() if lab in (None, run.lab)] if past else []
-    if over:
-        return over[-1]
-    raise FleetError(_nothing(lab, past=past))
+    return over[-1] if over else None
+
+
+def newest_folder(lab: str | None) -> Path | None:
+    """Return the folder of the newest run, of `lab` or of any: of one that goes on, else one in ./runs; None: of none.
+
+    Those in ./runs are runs of processes and simulated runs that have left a recording.
+    """
+    runs = [run for run in active_runs() if lab in (None, run.lab)]
+    if runs:
+        return runs[-1].folder
+    recorded = {path.parent: path.stat().st_mtime_ns for name in RECORDINGS for path in RUNS.glob(f"*/{name}")}
+    newest = sorted(recorded, key=lambda folder: (recorded[folder], folder), reverse=True)
+    return next((folder for folder in newest if lab in (None, _recorded_lab(folder))), None)
+
+
+def _recorded_lab(folder: Path) -> str | None:
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415 - the other verbs need no recording
+    from rmr.record.recording import open_recording  # noqa: PLC0415
+
+    try:
+        with open_recording(folder) as recording:
+            return recording.about.lab
+    except RecordingError:
+        return None
 
 
 def _named(folder: Path, *, past: bool) -> LaunchedRun:
-    run = next((one for one in active_runs() if one.folder == folder.resolve()), None)
-    if run is not None:
+    """Return the run in `folder`, by its own record; by the register if the folder was removed or has none."""
+    run = recorded_run(folder)
+    if run.active and is_ours(folder):
         return run
+    registered = next((one for one in active_runs() if one.folder == run.folder), None)
+    if registered is not None:
+        return registered
     if not folder.exists():
         raise FleetError(f"there is no {folder}; rmr ls shows what runs")
-    run = recorded_run(folder)
     if not run.record:
         raise FleetError(f"{folder} is no folder of a run of processes: rmr up makes one")
     if not past and not is_ours(folder):
@@ -68,7 +112,13 @@ def _nothing(lab: str | None, *, past: bool) -> str:
         return f"no lab {lab} runs on this machine; what runs: {_listing(runs)}"
     what = "no lab" if lab is None else f"no lab {lab}"
     ended = f", and no run of it has left a folder in ./{RUNS}" if past else ""
-    return f"{what} runs on this machine{ended}; start one with rmr up LAB -d"
+    return f"{what} runs on this machine{ended}; {how_to_start()}"
+
+
+def how_to_start() -> str:
+    """Return what to do where no lab is found: it may be one that the register does not have."""
+    places = ", ".join(map(str, register_places()))
+    return f"start one with rmr up LAB -d, or name its run folder with --run (looked in ./{RUNS} and {places})"
 
 
 def shown(folder: Path) -> str:

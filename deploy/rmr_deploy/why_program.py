@@ -42,6 +42,7 @@ def _declare(parser: "Parser") -> None:
     parser.option("--more", metavar="N", help="Go on at the number at which an answer was cut.")
     parser.flag("--missed", help="What the time of missed deadlines went into: all, or of one job (crossing@3).")
     parser.flag("--timeline", help="With --missed JOB: in the order of time instead of largest first.")
+    parser.option("--lab", metavar="NAME", help="With the id of a robot: the lab, if several run.")
     parser.flag("--json", help="The answer as JSON.", dest="as_json")
     parser.flag("--dot", help="The answer as a graph for Graphviz.", dest="as_dot")
 

@@ -3,7 +3,6 @@
 import json
 import sys
 from pathlib import Path
-from typing import Final
 
 from rmr.base.ids import shown
 from rmr.base.time import Instant
@@ -20,13 +19,10 @@ from rmr.why.rule_words import seconds_text
 from rmr.why.why_answer import WhyAnswer, why
 from rmr.why.why_dot import absence_dot, why_dot
 from rmr.why.why_text import absence_text, why_text
-from rmr_deploy.active_runs import newest_run
 from rmr_deploy.missed_run import explain_missed
+from rmr_deploy.run_choice import FleetError, chosen_run
 from rmr_world.run_report import REPORT_FILE
 from rmr_world.run_warnings import position_warnings
-
-RUNS: Final = Path("runs")
-"""Where `rmr up` puts the folders of runs."""
 
 
 def perform(
@@ -40,13 +36,14 @@ def perform(
     as_dot: bool,
     missed: bool,
     timeline: bool,
+    lab: str | None = None,
 ) -> int:
     """Answer the question; return the exit code."""
     if missed:
         for name, given in (("--not", absent), ("--dot", as_dot), ("--more", more is not None)):
             if given:
                 raise CommandLineError(f"--missed explains the time of deadlines: {name} does not go with it")
-        folder, robot = _run_of(where)
+        folder, robot = _run_of(where, lab)
         return explain_missed(folder, where, robot, fact, at, timeline=timeline, as_json=as_json)
     if timeline:
         raise CommandLineError("--timeline is a form of --missed crossing@3")
@@ -56,7 +53,7 @@ def perform(
         raise CommandLineError("--json and --dot are two forms of the answer: give one of them")
     if absent and more is not None:
         raise CommandLineError("--more goes on with an answer of why; --not takes --depth")
-    folder, robot = _run_of(where)
+    folder, robot = _run_of(where, lab)
     try:
         with open_recording(folder) as recording:
             return _answer(recording, folder, robot, fact, absent, at, depth, more, as_json, as_dot)
@@ -68,7 +65,7 @@ def perform(
         return ExitCode.USAGE
 
 
-def _run_of(where: str) -> tuple[Path, int | None]:
+def _run_of(where: str, lab: str | None) -> tuple[Path, int | None]:
     """Return the recording that is meant, and the robot if its id was given. Raises CommandLineError."""
     path = Path(where)
     try:
@@ -78,10 +75,10 @@ def _run_of(where: str) -> tuple[Path, int | None]:
         pass
     if not (where.isascii() and where.isdecimal() and len(where) < 6):
         raise CommandLineError(f"there is no run at {shown(where)}: give a run folder, such as runs/corridor-...")
-    folder = newest_run(RUNS)
-    if folder is None:
-        raise CommandLineError(f"robot {where}: no lab runs here; give the folder of a run in place of the robot")
-    return folder, int(where)
+    try:
+        return chosen_run(None, lab).folder, int(where)
+    except FleetError as error:
+        raise CommandLineError(f"robot {where}: {error}") from None
 
 
 def _answer(

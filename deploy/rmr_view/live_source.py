@@ -26,7 +26,8 @@ from rmr.record.growing_recording import GrowingRecording
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import part_files
 from rmr_deploy.active_runs import endpoint_of, lab_of_run, secret_of, under_way
-from rmr_deploy.disturb import FaultError, ask_world
+from rmr_deploy.disturb import ask_world
+from rmr_deploy.run_choice import FleetError
 from rmr_deploy.run_requests import RequestError, put_request
 from rmr_view.control_order import AT_ROBOTS
 from rmr_view.mind_worker import MindWorker
@@ -284,7 +285,7 @@ class LiveSource:
         question = wire.AskDisturbances(*disturbance_of(order))
         try:
             told = await ask_world(self._bus, self._keys, question, endpoint_of(self._folder) or "")
-        except FaultError as error:
+        except FleetError as error:
             raise RequestRefusedError(str(error), 503) from None
         if told.refused:
             raise RequestRefusedError(told.refused, 409)

@@ -2,6 +2,7 @@
 # ruff: noqa: PLC0415 - see rmr.entry
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
@@ -12,8 +13,8 @@ if TYPE_CHECKING:
 ABOUT = """\
 Show a run in the browser: map, timeline, facts and rules of each robot, radio, logs.
 
-RUN is a run folder or a recording. Without it the newest run under way in ./runs is shown while it goes on. The page
-is served on this machine alone, until Ctrl-C; open the address that is printed.
+RUN is a run folder or a recording. Without it the newest run is shown: one that goes on on this machine, else one in
+./runs. The page is served on this machine alone, until Ctrl-C; open the address that is printed.
 """
 
 
@@ -28,6 +29,8 @@ def _declare(parser: "Parser") -> None:
     from rmr.entry.command_line import real, whole
 
     parser.positional("path", "RUN", count="?", usage="[RUN]", help="a run folder, or a recording (.mcap)")
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="the same as RUN, as for other commands")
+    parser.option("--lab", metavar="NAME", help="the newest run of this lab")
     parser.option("--port", read=whole(0, 65535), metavar="PORT", help="of the page (default: a free one)")
     parser.flag("--control", help="the page may add faults to a run that goes on; orders need the token in its address")
     parser.option(
@@ -42,6 +45,8 @@ def _view(**options: Any) -> int:
     """Serve the page; return the exit code."""
     from rmr.entry.command_line import CommandLineError
 
+    if sum(options[name] is not None for name in ("path", "folder", "lab")) > 1:
+        raise CommandLineError("say one of RUN, --run and --lab")
     if not options["foxglove"] and options["speed"] is not None:
         raise CommandLineError("--speed is of a recording in Foxglove: ask for it with --foxglove")
     if options["foxglove"] and (options["control"] or options["leave"] is not None or options["listener"] is not None):

@@ -9,8 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from rmr.entry import ExitCode
-from rmr_deploy.active_runs import PROCESSES_FILE, newest_run, under_way
+from rmr_deploy.active_runs import PROCESSES_FILE, RUNS, under_way
 from rmr_deploy.page_start import TOKEN_VARIABLE
+from rmr_deploy.run_choice import FleetError, newest_folder
 from rmr_view.access_guard import new_token
 from rmr_view.foxglove_server import serve_foxglove
 from rmr_view.live_source import LiveSource, lab_in
@@ -23,16 +24,10 @@ WAIT_S = 0.5
 """Period with which the end of the page is looked for."""
 
 
-class NoRunError(Exception):
-    """There is nothing to show: one sentence, and the exit code."""
-
-    def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(message)
-        self.exit_code = exit_code
-
-
 def perform(
     path: Path | None,
+    folder: Path | None,
+    lab: str | None,
     port: int | None,
     control: bool,
     leave: float | None,
@@ -42,12 +37,12 @@ def perform(
 ) -> int:
     """Serve the page of a run, or `foxglove`; return the exit code."""
     try:
-        path = find_run(path)
+        path = find_run(path or folder, lab)
         if foxglove:
             return serve_foxglove(path, live=is_live(path), port=port, speed=speed or 1.0)
         source = find_source(path, control)
         sock = bind(port or 0) if listener is None else socket.socket(fileno=listener)
-    except NoRunError as error:
+    except FleetError as error:
         print(f"rmr view: {error}", file=sys.stderr)
         return error.exit_code
     except (PageServerError, OSError) as error:
@@ -77,15 +72,18 @@ def _wait(server: PageServer, source: RunSource, leave_s: float | None) -> None:
             return
 
 
-def find_run(path: Path | None) -> Path:
-    """Return the run that is named, or the newest one under way. Raises NoRunError."""
+def find_run(path: Path | None, lab: str | None = None) -> Path:
+    """Return the run that is named, or the newest: one under way, else one in ./runs. Raises FleetError."""
     if path is None:
-        path = newest_run(Path("runs"))
+        path = newest_folder(lab)
         if path is None:
-            message = "no lab runs here (in ./runs); start one with rmr up LAB, or name a recording: rmr view RUN"
-            raise NoRunError(message, ExitCode.FAILED)
+            of = "" if lab is None else f" of lab {lab}"
+            message = (
+                f"there is no run{of} in ./{RUNS}, and none is under way; start one with rmr up LAB or rmr sim LAB"
+            )
+            raise FleetError(f"{message}, or name a recording: rmr view RUN", ExitCode.FAILED)
     if not path.exists():
-        raise NoRunError(f"there is no {path}", ExitCode.USAGE)
+        raise FleetError(f"there is no {path}", ExitCode.USAGE)
     return path
 
 
@@ -95,24 +93,24 @@ def is_live(path: Path) -> bool:
 
 
 def find_source(path: Path, control: bool) -> RunSource:
-    """Return the source of a run. Raises NoRunError."""
+    """Return the source of a run. Raises FleetError."""
     if is_live(path):
         return _live(path, control)
     if control:
-        raise NoRunError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)
+        raise FleetError(f"the run in {path} is over: --control is for a run that goes on", ExitCode.USAGE)
     try:
         return RecordedSource(path)
     except RecordingError as error:
-        raise NoRunError(str(error), ExitCode.INVALID) from None
+        raise FleetError(str(error), ExitCode.INVALID) from None
     except OSError as error:
-        raise NoRunError(f"{path}: {error.strerror or error}", ExitCode.USAGE) from None
+        raise FleetError(f"{path}: {error.strerror or error}", ExitCode.USAGE) from None
 
 
 def _live(folder: Path, control: bool) -> RunSource:
     try:
         lab = lab_in(folder)
     except (LabError, OSError) as error:
-        raise NoRunError(f"the lab of {folder} cannot be read: {error}", ExitCode.INVALID) from None
+        raise FleetError(f"the lab of {folder} cannot be read: {error}", ExitCode.INVALID) from None
     if lab is None:
-        raise NoRunError(f"{folder / PROCESSES_FILE} does not say which lab runs: was it started by rmr up?", 3)
+        raise FleetError(f"{folder / PROCESSES_FILE} does not say which lab runs: was it started by rmr up?", 3)
     return LiveSource(folder, lab, control)

@@ -144,7 +144,7 @@ def test_missing_run_and_missing_lab_that_runs_are_told(tmp_path, monkeypatch):
     assert "there is no run at 'nowhere'" in sentence
     assert code == 2
     sentence, code = told("4", "at(@4, exit)")
-    assert "robot 4: no lab runs here" in sentence
+    assert "robot 4: no lab runs on this machine" in sentence
     assert code == 2
 
 

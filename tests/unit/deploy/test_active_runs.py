@@ -184,9 +184,36 @@ def test_process_of_another_user_is_not_signalled_by_root_either(idle, monkeypat
     assert idle.poll() is None
 
 
+def test_register_is_the_same_for_shells_with_other_variables(here, monkeypatch):
+    monkeypatch.delenv(REGISTER_VARIABLE)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.delenv("TMPDIR", raising=False)
+    usual = runs_module.register_places()
+    for name in ("XDG_RUNTIME_DIR", "TMPDIR"):
+        monkeypatch.setenv(name, str(here))
+    places = runs_module.register_places()
+    assert [place for place in places if place in usual] == usual
+    assert places[0] == usual[0]
+    assert set(places) - set(usual) == {here / "rmr", here / f"rmr-{os.getuid()}"}
+
+
+def test_run_is_found_in_every_place_of_the_register(here, monkeypatch):
+    places = [here / "first", here / "second"]
+    monkeypatch.setattr(runs_module, "register_places", lambda: places)
+    places[0].touch()
+    assert register() == places[1], "the first is no folder"
+    folder = folder_of_run(here / "elsewhere")
+    assert write_processes(folder, "tcp/127.0.0.1:7", {}, LAB) == ""
+    places[0].unlink()
+    assert register() == places[0]
+    assert [run.folder for run in active_runs()] == [folder]
+    write_end(folder, 0)
+    assert list(places[1].iterdir()) == []
+
+
 def test_register_that_others_can_write_is_not_used(here):
     register().chmod(0o777)
     assert register() is None
     folder = folder_of_run(here / "runs")
-    write_processes(folder, "tcp/127.0.0.1:7", {}, LAB)
+    assert "no folder for it that only you can write" in write_processes(folder, "tcp/127.0.0.1:7", {}, LAB)
     assert [run.folder for run in active_runs()] == [folder]

@@ -3,7 +3,6 @@
 import json
 import os
 from math import inf
-from pathlib import Path
 
 import pytest
 from command_runner import invoke
@@ -14,8 +13,9 @@ from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.bus.secret import SECRET_FILE, make_secret
 from rmr.radio.links import Disturbance, muted, partition
 from rmr_deploy import disturb
-from rmr_deploy.active_runs import PROCESSES_FILE, endpoint_of, newest_run, write_processes
+from rmr_deploy.active_runs import PROCESSES_FILE, REGISTER_VARIABLE, endpoint_of, write_processes
 from rmr_deploy.fault import command
+from rmr_deploy.run_choice import FleetError
 from rmr_world.run_report import REPORT_FILE
 
 S, MS = NS_PER_S, NS_PER_MS
@@ -89,7 +89,7 @@ def test_clear_and_list_ask_for_nothing_more(asked, wish):
         ("partition 2/3-1", "the range 3-1 ends before it begins; write 1-3"),
         ("list --connect here", "'here' is no endpoint"),
         ("list --connect tcp/127.0.0.1:9 --run x", "say --connect or --run, not both"),
-        ("list --run nowhere", "nowhere is no folder of a run of processes"),
+        ("list --run nowhere", "there is no nowhere; rmr ls shows what runs"),
         ("list --lab a/b", "'a/b' cannot name a lab"),
         ("stal 3", "unknown command 'stal'; did you mean 'stall'?"),
         ("stall 3 --for never", "--for: should be a duration"),
@@ -165,7 +165,7 @@ def test_a_refusal_of_the_world_is_wrong_usage_and_shows_nothing_else(monkeypatc
 def run_folder(runs, name, port, age_s, launcher=None):
     folder = runs / name
     folder.mkdir(parents=True)
-    write_processes(folder, f"tcp/127.0.0.1:{port}", {"world": 1}, {})
+    write_processes(folder, f"tcp/127.0.0.1:{port}", {}, {})
     path = folder / PROCESSES_FILE
     if launcher is not None:
         path.write_text(path.read_text().replace(str(os.getpid()), str(launcher)))
@@ -173,29 +173,40 @@ def run_folder(runs, name, port, age_s, launcher=None):
     return folder
 
 
-def test_the_newest_run_under_way_is_found(tmp_path):
+@pytest.fixture(autouse=True)
+def _own_register(tmp_path, monkeypatch):
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "register"))
+
+
+def test_run_is_that_of_all_verbs(tmp_path, monkeypatch):
+    """By the register or ./runs, whose records are checked against what lives; by name where several run."""
+    monkeypatch.chdir(tmp_path)
     runs = tmp_path / "runs"
-    run_folder(runs, "old", 1, 50)
-    run_folder(runs, "newer", 2, 40)
-    (run_folder(runs, "over", 3, 30) / REPORT_FILE).write_text("{}")
     run_folder(runs, "killed", 4, 20, launcher=GONE)
     run_folder(runs, "strange", 5, 10, launcher='"x"')
     (runs / "damaged").mkdir()
     (runs / "damaged" / PROCESSES_FILE).write_text("{")
-    assert newest_run(runs) == runs / "newer"
+    run_folder(tmp_path / "elsewhere", "hall", 2, 0)
+    assert disturb.find(None, None, None, None).endpoint == "tcp/127.0.0.1:2"
+    run_folder(runs, "yard", 3, 0)
+    run_folder(tmp_path / "elsewhere", "dock", 6, 0)
+    with pytest.raises(FleetError, match=r"several labs run: dock .*, yard .*; choose with --run DIR or --lab NAME"):
+        disturb.find(None, None, None, None)
+    assert disturb.find(None, None, None, "dock").endpoint == "tcp/127.0.0.1:6"
+    assert disturb.find(None, runs / "yard", None, None).endpoint == "tcp/127.0.0.1:3"
 
 
 def test_without_a_run_it_is_the_default_endpoint(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert disturb.find(None, None, None) == (DEFAULT_ENDPOINT, None)
+    assert disturb.find(None, None, None, None) == (DEFAULT_ENDPOINT, None)
     run_folder(tmp_path / "runs", "one", 7, 0)
-    assert disturb.find(None, None, None) == ("tcp/127.0.0.1:7", None)
-    assert disturb.find(NOBODY, None, None) == (NOBODY, None)
+    assert disturb.find(None, None, None, None) == ("tcp/127.0.0.1:7", None)
+    assert disturb.find(NOBODY, None, None, None) == (NOBODY, None)
 
 
 def test_a_run_folder_says_where_even_if_its_run_is_not_in_runs(tmp_path):
     folder = run_folder(tmp_path, "here", 8, 0)
-    assert disturb.find(None, folder, None) == ("tcp/127.0.0.1:8", None)
+    assert disturb.find(None, folder, None, None) == ("tcp/127.0.0.1:8", None)
     assert endpoint_of(tmp_path) is None
 
 
@@ -212,11 +223,11 @@ def test_secret_is_that_of_the_run_folder_unless_another_is_named(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     folder, other = run_folder(tmp_path / "runs", "one", 7, 0), tmp_path / "other"
     make_secret(folder / SECRET_FILE)
-    found = Path("runs") / "one" / SECRET_FILE
-    assert disturb.find(None, None, None) == ("tcp/127.0.0.1:7", found)
-    assert disturb.find(None, folder, None) == ("tcp/127.0.0.1:7", folder / SECRET_FILE)
-    assert disturb.find(None, folder, other) == ("tcp/127.0.0.1:7", other)
-    assert disturb.find(NOBODY, None, other) == (NOBODY, other)
+    found = folder / SECRET_FILE
+    assert disturb.find(None, None, None, None) == ("tcp/127.0.0.1:7", found)
+    assert disturb.find(None, folder, None, None) == ("tcp/127.0.0.1:7", folder / SECRET_FILE)
+    assert disturb.find(None, folder, other, None) == ("tcp/127.0.0.1:7", other)
+    assert disturb.find(NOBODY, None, other, None) == (NOBODY, other)
 
 
 def test_secret_file_that_is_missing_or_cannot_be_used_has_its_exit_code(tmp_path):

@@ -11,6 +11,7 @@ from fleet_runs import StandinRun, eventually, rmr, rows
 
 from rmr_deploy.active_runs import REGISTER_VARIABLE, active_runs, register, write_processes
 from rmr_deploy.process_identity import lives
+from rmr_deploy.run_choice import how_to_start
 from rmr_deploy.run_requests import ask_launcher
 
 pytestmark = pytest.mark.slow
@@ -42,11 +43,15 @@ def test_verbs_without_a_lab_say_how_to_start_one(tmp_path, monkeypatch):
     monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "register"))
     monkeypatch.chdir(tmp_path)
     for verb in ("ps", "down"):
-        assert refused(rmr(verb)) == f"rmr {verb}: no lab runs on this machine; start one with rmr up LAB -d\n"
+        assert refused(rmr(verb)) == f"rmr {verb}: no lab runs on this machine; {how_to_start()}\n"
     for verb in ("wait", "logs", "events"):
         assert "no run of it has left a folder in ./runs; start one with rmr up LAB -d" in refused(rmr(verb))
     answer = rmr("ls")
-    assert (answer.exit_code, answer.stdout) == (0, "no lab runs on this machine; start one with rmr up LAB -d\n")
+    assert (answer.exit_code, answer.stdout) == (0, f"no lab runs on this machine; {how_to_start()}\n")
+    assert how_to_start() == (
+        "start one with rmr up LAB -d, or name its run folder with --run "
+        f"(looked in ./runs and {tmp_path / 'register'})"
+    )
     assert json.loads(rmr("ls", "--json").stdout) == []
     assert rmr("down", "--all").exit_code == 0
 
@@ -95,6 +100,26 @@ def test_with_several_labs_they_are_named_and_one_is_chosen(start):
     assert "--all goes without --run and --lab" in refused(rmr("down", "--all", "--lab", "east"))
     assert rmr("down", "--all").exit_code == 0
     assert active_runs() == []
+
+
+@pytest.mark.parametrize("verb", [["ps"], ["stats", "--once"], ["facts"], ["stop", "1"], ["down"]])
+def test_folder_of_a_run_decides_where_another_register_is_used(start, tmp_path, monkeypatch, verb):
+    run = start("roam", "roam").running()
+    eventually(lambda: rmr("facts", "1").exit_code == 0)
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "another"))
+    assert "looked in ./runs and" in refused(rmr(*verb))
+    answer = rmr(*verb, "--run", str(run.folder))
+    assert answer.exit_code == 0, answer.stderr
+
+
+def test_run_that_cannot_be_registered_says_so(start, tmp_path, monkeypatch):
+    (tmp_path / "no folder").write_text("")
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "no folder"))
+    run = start("roam", "roam").running()
+    eventually(lambda: "this run is not in the register: there is no folder for it that only you can" in run.said)
+    (event,) = [line for line in (run.folder / "events.jsonl").read_text().splitlines() if '"started"' in line]
+    assert json.loads(event)["warning"].endswith(f"other commands find it by --run {run.folder} alone")
+    assert rmr("down", "--run", str(run.folder)).exit_code == 0
 
 
 def test_run_whose_folder_was_removed_is_brought_down(start):

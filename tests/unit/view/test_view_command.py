@@ -1,15 +1,22 @@
 """`rmr view`: what it is told to show, and what it says where that cannot be."""
 
+import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from command_runner import invoke
 
+from rmr.record.record_writer import RecordWriter
+from rmr.record.run_about import about_run
+from rmr_deploy.active_runs import REGISTER_VARIABLE, write_processes
+from rmr_deploy.run_choice import FleetError
 from rmr_sim.main import command as sim
 from rmr_view.page_server import PageServerError, bind
 from rmr_view.view import command
+from rmr_view.view_command import find_run
 
 
 def view(*words):
@@ -19,12 +26,39 @@ def view(*words):
 
 
 def test_no_run_is_told_with_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "register"))
     monkeypatch.chdir(tmp_path)
     code, said = view()
     assert (code, said) == (
         1,
-        "rmr view: no lab runs here (in ./runs); start one with rmr up LAB, or name a recording: rmr view RUN\n",
+        "rmr view: there is no run in ./runs, and none is under way; start one with rmr up LAB or rmr sim LAB, or "
+        "name a recording: rmr view RUN\n",
     )
+
+
+def test_newest_run_is_shown_and_one_that_goes_on_before_those_that_are_over(tmp_path, monkeypatch):
+    monkeypatch.setenv(REGISTER_VARIABLE, str(tmp_path / "register"))
+    monkeypatch.chdir(tmp_path)
+    for age, name in enumerate(("second", "first")):
+        file = tmp_path / "runs" / name / "run.mcap"
+        file.parent.mkdir(parents=True)
+        RecordWriter(file, about_run("corridor", "simulated", 7, (1,), "sim")).close()
+        os.utime(file, ns=(0, 10 - age))
+    assert find_run(None) == Path("runs/second")
+    assert find_run(None, "corridor") == Path("runs/second"), "by what the recording says"
+    with pytest.raises(FleetError, match="no run of lab hall in"):
+        find_run(None, "hall")
+    going_on = tmp_path / "elsewhere"
+    going_on.mkdir()
+    write_processes(going_on, "tcp/127.0.0.1:7", {}, {"name": "hall"})
+    assert find_run(None) == going_on
+    assert find_run(None, "hall") == going_on
+
+
+def test_run_is_named_once():
+    code, said = view("here", "--run", "there")
+    assert code == 2
+    assert "say one of RUN, --run and --lab" in said
 
 
 def test_path_that_is_not_there_is_wrong_usage(tmp_path):
