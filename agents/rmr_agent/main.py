@@ -104,6 +104,8 @@ def _live(**options: Any) -> int:
 
     if options["durability"] == "power" and options["state"] is None:
         raise CommandLineError("--durability says what a state survives: name its folder with --state DIR")
+    for name in ("state", "record", "log", "secret"):  # a handler may change the present folder
+        options[name] = options[name] and options[name].absolute()
     try:
         with Loading("rmr_agent.agent_process"):
             from rmr_agent.agent_process import perform

@@ -6,6 +6,24 @@ import traceback
 _RMR = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
 
+_by_ctrl_c = True
+"""Whether Ctrl-C raises KeyboardInterrupt, as it does unless the host of this process handles it in another way."""
+
+
+def expect_ctrl_c(*, raised: bool) -> None:
+    """Note whether Ctrl-C raises KeyboardInterrupt from now on: for a host that handles SIGINT."""
+    global _by_ctrl_c  # noqa: PLW0603 - the handler of SIGINT is one for the process, too
+    _by_ctrl_c = raised
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether Ctrl-C may have raised `error`, an exception that has come out of a user's code.
+
+    If not, the code itself has raised KeyboardInterrupt: a mistake like any other.
+    """
+    return _by_ctrl_c and isinstance(error, KeyboardInterrupt)
+
+
 def words(error: BaseException) -> str:
     """Return the type and text of an exception, even if its `__str__` raises."""
     try:

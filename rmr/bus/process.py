@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
 
+from rmr.base.mistake import expect_ctrl_c
 from rmr.base.printable import printable
 from rmr.bus.bridge import PreciseLoop
 from rmr.bus.endpoint import BusError
@@ -172,6 +173,7 @@ def handle_signals(ending: Ending) -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, asked)
+    expect_ctrl_c(raised=False)
 
 
 def run_to_end(main: Coroutine[Any, Any, None], ending: Ending, log: logging.Logger) -> int:

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Generator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from rmr.base.mistake import words
+from rmr.base.mistake import is_ctrl_c, words
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value
 from rmr.mind import action_steps as steps
@@ -87,9 +87,9 @@ class StepLog:
         def asked() -> bool:
             try:
                 holds = bool(condition())
-            except KeyboardInterrupt:
-                raise
             except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
                 self.failed(steps.CONDITION_FAILED, error)
                 raise
             if holds:
@@ -123,9 +123,9 @@ class RecordedRun:
                 log.add(steps.NO_AWAITABLE)
                 return begun
             coroutine = begun.__await__()
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             log.failed(steps.FAILED, error)
             raise
         log.add(steps.BEGUN)
@@ -150,9 +150,9 @@ class RecordedCoroutine:
         except StopIteration:
             log.add(steps.RETURN)
             raise
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             log.failed(steps.FAILED, error)
             raise
         return log.paused(awaited)
@@ -162,9 +162,9 @@ class RecordedCoroutine:
         self._log.add(steps.CLOSE)
         try:
             self._coroutine.close()
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             name = type(error).__name__
             self._log.add(steps.CLOSE_FAILED, name, words(error)[len(name) + 2 :])
             raise

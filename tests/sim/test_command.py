@@ -81,6 +81,40 @@ def test_at_most_five_failures_are_reported():
     ]
 
 
+ASTRAY = """
+import os
+from rmr import action
+
+os.chdir({elsewhere!r})
+
+@action("try")
+async def attempt(robot):
+    os.chdir({elsewhere!r})
+    if {interrupts}:
+        raise KeyboardInterrupt
+"""
+
+
+@pytest.mark.parametrize("interrupts", [False, True])
+def test_files_of_a_run_are_where_they_should_be_whatever_a_handler_does(tmp_path, monkeypatch, capsys, interrupts):
+    """A handler that changes the present folder, or raises what Ctrl-C raises."""
+    here, elsewhere = tmp_path / "here", tmp_path / "elsewhere"
+    here.mkdir()
+    elsewhere.mkdir()
+    monkeypatch.chdir(here)
+    lab = tiny(tmp_path, "type action try(R: robot) -o done(R) else done(R).\nno(R).\nno(R) -o try(R).\n")
+    (tmp_path / "astray.py").write_text(ASTRAY.format(elsewhere=str(elsewhere), interrupts=interrupts))
+    words = ["--actions", str(tmp_path / "astray.py"), "--run", "run", "--trace", "trace.jsonl"]
+    main([str(lab), *words])
+    assert "the report is run/report.json" in capsys.readouterr().err
+    assert Path.cwd() == here
+    assert list(elsewhere.iterdir()) == []
+    assert {"report.json", "run.mcap"} <= {path.name for path in (here / "run").iterdir()}
+    entries = map(json.loads, (here / "trace.jsonl").read_text().splitlines())
+    (failure,) = [entry["failure"] for entry in entries if entry["what"] == "action_ended"]
+    assert failure == ("KeyboardInterrupt (astray.py:11)" if interrupts else None)
+
+
 def test_actions_still_under_way_are_named_when_the_run_is_not_finished(tmp_path, capsys):
     lab = tiny(
         tmp_path,

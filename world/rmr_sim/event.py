@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rmr.base.errors import Error
-from rmr.base.mistake import place, words
+from rmr.base.mistake import is_ctrl_c, place, words
 from rmr.base.time import Instant, in_seconds
 
 DEFERRED = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
@@ -39,9 +39,11 @@ class Event:
         """Call `callback`. Raises EventError if that raises anything, exit() included."""
         try:
             self.callback(simulation)
-        except (EventError, KeyboardInterrupt):
+        except EventError:
             raise
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             what = f"event {type(self).__name__}"
             raise EventError(described(what, simulation.now, self.callback, error)) from error
 
@@ -50,9 +52,11 @@ def call_observer(observe: Callable[[Instant], None], now: Instant) -> None:
     """Call a user's observer. Raises EventError if that raises anything, exit() included."""
     try:
         observe(now)
-    except (EventError, KeyboardInterrupt):
+    except EventError:
         raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         what = f"observer {getattr(observe, '__qualname__', type(observe).__name__)}"
         raise EventError(described(what, now, observe, error)) from error
 

@@ -4,6 +4,8 @@ import signal
 from collections.abc import Callable
 from types import TracebackType
 
+from rmr.base.mistake import expect_ctrl_c
+
 
 class Interruption:
     """Context manager: the first Ctrl-C ends the present run, the second raises KeyboardInterrupt."""
@@ -14,10 +16,12 @@ class Interruption:
 
     def __enter__(self) -> "Interruption":
         self._before = signal.signal(signal.SIGINT, self._interrupt)
+        expect_ctrl_c(raised=False)
         return self
 
     def __exit__(self, _kind: type | None, _error: BaseException | None, _where: TracebackType | None) -> None:
         signal.signal(signal.SIGINT, self._before)
+        expect_ctrl_c(raised=True)
 
     def ends(self, stop: Callable[[], None]) -> None:
         """Call `stop` on Ctrl-C; at once if that has come already."""
@@ -28,4 +32,5 @@ class Interruption:
     def _interrupt(self, *_: object) -> None:
         self.came = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        expect_ctrl_c(raised=True)
         self._stop()

@@ -19,6 +19,7 @@ from rmr.coord.timing import Timing
 from rmr.mind.mind_log import MindSink
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.actions.dispatcher import Handler
+from rmr.node.actions.user_file import same_folder
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
@@ -176,10 +177,12 @@ class Simulation(RobotHost):
     def run(self) -> bool:
         """Run until the lab's quorum holds the finish fact or its duration is over; return whether it finished.
 
-        A lab without a finish fact is finished when its duration is over.
+        A lab without a finish fact is finished when its duration is over. The present folder is the same afterwards,
+        wherever handlers and events have gone.
         """
         try:
-            return self._run()
+            with same_folder():
+                return self._run()
         finally:
             for robot in self.robots:
                 robot.end_log()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rmr.base.mistake import place, words
+from rmr.base.mistake import is_ctrl_c, place, words
 from rmr.node.actions.user_file import UserFileError, run_file
 from rmr_sim.event import Event, checked
 from rmr_sim.user_invariants import Invariant, invariants_in
@@ -47,8 +47,8 @@ def load_events(path: Path | None, lab: Lab, seed: int) -> UserEvents:
             if len(found) == EVENTS_MAX:
                 raise ValueError(f"events returned more than {EVENTS_MAX} events")
             found.append(checked(event))
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         raise ProgramError(f"{place(error, str(path))}: {words(error)}") from error
     return UserEvents(found, invariants)

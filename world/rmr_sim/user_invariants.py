@@ -9,7 +9,7 @@ it begins: the next one of the same function after the function has held again.
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-from rmr.base.mistake import words
+from rmr.base.mistake import is_ctrl_c, words
 from rmr.base.time import Instant
 from rmr_sim.event import DEFERRED, EventError, described
 from rmr_sim.violation import Violation
@@ -65,11 +65,11 @@ class InvariantChecker:
         function = self._function
         try:
             answer = function(self._simulation)
-        except KeyboardInterrupt:
-            raise
         except AssertionError as error:
             return words(error).removeprefix(type(error).__name__).removeprefix(": ") or self._rule()
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             raise EventError(described(f"invariant {self._name}", now, function, error)) from error
         if answer is None or answer is True:
             return None

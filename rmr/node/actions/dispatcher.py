@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from rmr.base.mistake import frames, place_in, words
+from rmr.base.mistake import frames, is_ctrl_c, place_in, words
 from rmr.base.printable import one_line
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value, format_fact
@@ -266,9 +266,9 @@ class Dispatcher:
             if not isinstance(begun, Awaitable):
                 raise ActionFailed("its handler is no `async def`")
             running.coroutine = begun.__await__()
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:  # a handler with other parameters, for example
+            if is_ctrl_c(error):
+                raise
             self._fail(now, running, error)
             return
         self._resume(now, running)
@@ -283,9 +283,9 @@ class Dispatcher:
         try:
             if not running.pause.over(now):
                 return
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:  # the coroutine is suspended still
+            if is_ctrl_c(error):
+                raise
             self._fail(now, running, error)
             return
         try:
@@ -293,9 +293,9 @@ class Dispatcher:
         except StopIteration:
             running.coroutine = None
             self._end(now, running, None)
-        except KeyboardInterrupt:
-            raise
         except BaseException as error:
+            if is_ctrl_c(error):
+                raise
             running.coroutine = None
             self._fail(now, running, error)
         else:
@@ -380,9 +380,9 @@ def _closed(coroutine: Generator[object, None, None], failure: str) -> str:
     """Break off a suspended coroutine; return why it failed, and what went wrong on its way out, if anything did."""
     try:
         coroutine.close()
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         return f"{failure}, then {words(error)}"
     return failure
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from rmr.base.mistake import expect_ctrl_c
 from rmr.base.time import seconds
 from rmr.node.actions.built_in import wait
 from rmr.node.actions.dispatcher import (
@@ -281,12 +282,26 @@ def test_an_action_that_raises_what_is_no_exception_fails_and_the_robot_goes_on(
     assert failure == f"{type(raised).__name__}: {raised} ({place_of(act, 1)})"
 
 
-def test_a_keyboard_interrupt_is_not_the_actions():
+def test_ctrl_c_is_not_the_actions():
     async def act(robot):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         FakeNode(a=Handler("a", act)).derive("a")
+
+
+def test_keyboard_interrupt_that_ctrl_c_cannot_have_raised_fails_the_action():
+    async def act(robot):
+        raise KeyboardInterrupt
+
+    expect_ctrl_c(raised=False)
+    try:
+        node = FakeNode(a=Handler("a", act))
+        node.derive("a")
+    finally:
+        expect_ctrl_c(raised=True)
+    ((_, failure),) = node.ended
+    assert failure == f"KeyboardInterrupt ({place_of(act, 1)})"
 
 
 class Ended:
