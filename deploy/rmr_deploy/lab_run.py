@@ -35,7 +35,7 @@ from rmr_world import run_report
 from rmr_world.faults import process_run_faults
 from rmr_world.incarnations import merged_report, with_lost_jobs
 from rmr_world.lab import Lab
-from rmr_world.missed_hint import missed_hint
+from rmr_world.missed_hint import missed_hint, view_hint
 from rmr_world.quorum import ALL, met_at
 from rmr_world.run_warnings import run_warnings, unhandled_failures
 
@@ -131,6 +131,8 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
         print(f"rmr up: {line}", file=sys.stderr)
     if as_json:
         print(run_report.to_json(record), end="")
+    if not plan.options.no_record:
+        print(view_hint(plan.options.record or plan.folder), file=sys.stderr if as_json else sys.stdout)
 
 
 def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -> int:

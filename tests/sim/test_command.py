@@ -70,6 +70,18 @@ def test_failed_actions_are_reported_once_each(tmp_path, capsys):
     assert err.count("robot 1: action try(@1, 1) failed: ZeroDivisionError: division by zero") == 1
 
 
+def test_run_ends_with_the_command_that_shows_it_if_there_is_a_recording(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n")
+    for words, shown in (
+        (["--run", str(tmp_path / "a")], tmp_path / "a"),
+        (["--run", str(tmp_path / "b"), "--record", str(tmp_path / "b c.mcap")], f"'{tmp_path / 'b c.mcap'}'"),
+    ):
+        main([str(lab), *words])
+        assert capsys.readouterr().err.splitlines()[-1] == f"see it: rmr view {shown}"
+    main([str(lab), "--run", str(tmp_path / "d"), "--no-record"])
+    assert "see it" not in capsys.readouterr().err
+
+
 def test_at_most_five_failures_are_reported():
     entries = [
         {"what": "action_ended", "robot": robot, "action": f"go(@{robot})", "failure": "no way there"}
@@ -258,7 +270,7 @@ def test_a_report_that_cannot_be_written_is_named_and_the_table_comes_out(tmp_pa
     assert main([str(lab), "--run", str(tmp_path / "run")]) == 1
     out, err = capsys.readouterr()
     assert f"rmr sim: cannot write {tmp_path / 'run' / 'report.json'}: Is a directory\n" in err
-    assert err.rstrip().endswith("there is no report")
+    assert err.endswith(f"there is no report\nsee it: rmr view {tmp_path / 'run'}\n")
     assert "tiny: finished after" in out
 
 

@@ -116,12 +116,27 @@ def test_robots_duration_actions_and_events_are_passed_on(lab):
         ({"actions": 3}, "actions: the path of a file of handlers, not 3"),
         ({"events": 3}, r"events: the path of a file of events, or a list of `rmr_sim\.event\.Event`, not 3"),
         ({"events": [3]}, r"events: the path of a file of events, or a list of `rmr_sim\.event\.Event`, not 3"),
+        ({"facts": "due(@1, 3)"}, "facts should be a list; each item is a fact in program syntax"),
+        ({"faults": ["{at: 5s, kill: 1}"]}, r"faults: '{at: 5s, kill: 1}' should be a mapping, such as"),
         ({"order": None}, "order: None is none of ours, edf, fcfs, none"),
     ],
 )
 def test_an_argument_that_cannot_be_used_is_a_usage_error(lab, options, message):
     with pytest.raises(rmr.UsageError, match=message):
         rmr.simulate(lab, **options)
+
+
+def test_facts_faults_and_durable_robots_are_those_of_the_lab_file_and_of_the_command(lab):
+    faults = [{"at": "0.2s", "kill": 1}, {"at": 0.4, "restart": 1}]
+    (lab / "walk.rmr").write_text(f"type !told(robot).\n{PROGRAM}")
+    run = rmr.simulate(lab, facts=["told(@1)"], faults=faults, durable=True)
+    assert run.report["faults"] == [{"at": 0.2, "kill": 1}, {"at": 0.4, "restart": 1}]
+    forgetful = rmr.simulate(lab, facts=["told(@1)"], faults=faults)
+    lost = [one.report["robots"]["1"].get("lost_in_restart") for one in (run, forgetful)]
+    assert lost == [0, 1], "its disk holds all"
+    assert "!told(@1)" in run.report["robots"]["1"]["facts"]
+    with pytest.raises(rmr.LabError, match=r"faults\.0.*robot 99"):
+        rmr.simulate(lab, faults=[{"at": 0.2, "kill": 99}])
 
 
 def test_provided_lab_is_simulated_by_its_name(tmp_path, monkeypatch):

@@ -63,11 +63,11 @@ dropped(R) -o pack(R, 2.0).
 ACTIONS = '''\
 """Handlers of the program's own actions."""
 
-from rmr import ActionFailed, action
+from rmr import ActionFailed, RobotHandle, action
 
 
 @action("pack")
-async def pack(robot, seconds):
+async def pack(robot: RobotHandle, seconds: float) -> None:
     """Pack for some time; fail if the robot is pushed meanwhile."""
     await robot.sleep(seconds)
     if robot.sense().bumped:
@@ -78,8 +78,12 @@ async def pack(robot, seconds):
 TEST = '''\
 """Runs the lab in virtual time: `pytest`."""
 
+from collections.abc import Callable
 
-def test_all_robots_finish(rmr_sim):
+from rmr import Run
+
+
+def test_all_robots_finish(rmr_sim: Callable[..., Run]) -> None:
     run = rmr_sim("lab.yaml", seed=1)
     assert run.finished
 '''

@@ -59,6 +59,10 @@ class Options:
     """The waiting time n of leaders, instead of the one that they compute."""
     duration: Duration | None = None
     """Lab time at which a run ends at the latest, instead of the lab's."""
+    facts: tuple[str, ...] = ()
+    """Facts beside the lab's, in the form of its file."""
+    faults: tuple[object, ...] = ()
+    """Faults beside the lab's, in the form of its file: a mapping for each."""
     without: frozenset[str] = frozenset()
     """Rules of motion that robots leave out, by name: for ablation experiments."""
 
@@ -129,7 +133,7 @@ class LoadedLab:
 
 def load(path: Path, options: Options) -> LoadedLab:
     """Load and validate the lab in `path`. Raises LabError or ProgramError with all errors."""
-    lab = load_lab(path)
+    lab = load_lab(path, {"facts": options.facts, "faults": options.faults})
     if options.robots is not None:
         lab = lab.with_robots(options.robots)
     if options.loss is not None:

@@ -35,7 +35,7 @@ from rmr_world.faults import fault_lines
 from rmr_world.finding import LabError
 from rmr_world.lab_file import lab_path
 from rmr_world.lab_program import ProgramError
-from rmr_world.missed_hint import missed_hint
+from rmr_world.missed_hint import missed_hint, view_hint
 from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
 from rmr_world.run_warnings import run_warnings
@@ -173,6 +173,8 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     report_file = folder / REPORT_FILE
     where = f"the report is {report_file}" if report_file.is_file() else "there is no report"
     print(f"{'interrupted: ' if interruption.came else ''}{took}; {where}", file=sys.stderr)
+    if recorder is not None and recorder.writer.failure is None:
+        print(view_hint(arguments.record or folder), file=sys.stderr)
     return ExitCode.FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
 
 

@@ -4,7 +4,7 @@ It raises the exceptions of `rmr.base.errors`, prints nothing and writes no file
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from os import PathLike
@@ -20,7 +20,7 @@ from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
 from rmr.coord.timing import Order
 from rmr.node.trace import TraceLevel
 from rmr_sim.event import Event
-from rmr_sim.run_setup import Options, load, report_of
+from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.simulation import Simulation
 from rmr_world.provided_labs import missing, resolve
 
@@ -73,6 +73,10 @@ def simulate(
     robots: int | None = None,
     loss: float | None = None,
     chaos: bool = False,
+    hard_chaos: bool = False,
+    durable: bool = False,
+    facts: Iterable[str] = (),
+    faults: Iterable[Mapping[str, object]] = (),
     order: str = Order.OURS.value,
     actions: str | PathLike[str] | None = None,
     events: str | PathLike[str] | Iterable[Event] | None = None,
@@ -85,6 +89,8 @@ def simulate(
     options of `rmr sim`, and
 
     - `events`: the file of `--events`, or events themselves (`rmr_sim.event.Event`);
+    - `facts`, `faults`: more of them than the lab file has, each in the form of an item there: ``"due(@1, 30)"``,
+      ``{"at": "5s", "kill": 2}``;
     - `duration`: seconds of lab time after which the run ends at the latest, instead of the lab's;
     - `rate`: samples of each robot's pose per second, 60 at most.
 
@@ -103,15 +109,15 @@ def simulate(
         actions=None if actions is None else Path(actions),
         event_file=event_file,
         chaos=chaos,
+        hard_chaos=hard_chaos,
+        durable=durable,
+        facts=_items("facts", facts, str, "a fact in program syntax, such as 'due(@1, 30)'"),
+        faults=_items("faults", faults, Mapping, "a mapping, such as {'at': '5s', 'kill': 2}"),
         order=_order(order),
         duration=_checked_duration(duration),
     )
     sampled = _checked_rate(rate)
-    try:
-        loaded = load(path, wanted)
-        simulation = loaded.simulation(_whole("seed", seed, 0), TraceLevel.FACTS)
-    except OSError as error:
-        raise UsageError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+    loaded, simulation = _prepared(path, wanted, _whole("seed", seed, 0))
     for event in own_events:
         simulation.schedule(event)
     sampler = Sampler(simulation, sampled)
@@ -119,6 +125,26 @@ def simulate(
     finished = simulation.run()
     warnings = [line for text in loaded.warnings for line in text.splitlines()]
     return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
+
+
+def _prepared(path: Path, wanted: Options, seed: int | None) -> tuple[LoadedLab, Simulation]:
+    """Return the lab and a run of it. Raises UsageError for a file that cannot be read."""
+    try:
+        loaded = load(path, wanted)
+        return loaded, loaded.simulation(seed, TraceLevel.FACTS)
+    except OSError as error:
+        raise UsageError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+
+
+def _items(name: str, given: object, kind: type, words: str) -> tuple[Any, ...]:
+    """Return the items of a list, each a `kind`. Raises UsageError."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise UsageError(f"{name} should be a list; each item is {words}")
+    items = tuple(given)
+    for item in items:
+        if not isinstance(item, kind):
+            raise UsageError(f"{name}: {item!r:.40} should be {words}")
+    return items
 
 
 class Sampler:

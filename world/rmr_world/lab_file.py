@@ -4,9 +4,10 @@
 `rmr_world.validate`; the others need the lab's program.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rmr_world.document import read
+from rmr_world.document import Plain, read
 from rmr_world.finding import Finding, LabError
 from rmr_world.lab import PROGRAM_SUFFIXES, Lab
 from rmr_world.provided_labs import LAB_FILE, resolve
@@ -19,8 +20,10 @@ def lab_path(path: Path) -> Path:
     return path / LAB_FILE if path.is_dir() else path
 
 
-def load_lab(path: Path) -> Lab:
+def load_lab(path: Path, more: Mapping[str, Sequence[object]] | None = None) -> Lab:
     """Return the lab in `path`: a lab file, a folder with a ``lab.yaml``, or the name of a provided lab.
+
+    `more` has items that are added to lists of the file, such as ``facts``, in the form that they have there.
 
     Raises LabError with all errors of the file.
     """
@@ -28,4 +31,17 @@ def load_lab(path: Path) -> Lab:
     if file.suffix in PROGRAM_SUFFIXES:
         message = "is a program: name the lab file that it stands in, or its folder"
         raise LabError([Finding(str(file), 1, 1, "", message)])
-    return lab_of(read(file), file)
+    document = read(file)
+    for key, items in (more or {}).items():
+        if items and isinstance(document.value, dict) and isinstance(given := document.value.get(key) or [], list):
+            document.value[key] = [*given, *map(_plain, items)]
+    return lab_of(document, file)
+
+
+def _plain(item: object) -> Plain:
+    """Return an item as the reader of the file would have it."""
+    if isinstance(item, Mapping):
+        return {str(key): _plain(value) for key, value in item.items()}
+    if isinstance(item, list | tuple):
+        return [_plain(value) for value in item]
+    return item if isinstance(item, str | int | float | bool) or item is None else str(item)

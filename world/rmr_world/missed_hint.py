@@ -1,9 +1,14 @@
-"""The line at the end of a run with missed deadlines: the command that explains them."""
+"""The lines at the end of a run that name the commands to go on with: its page, and why deadlines were missed."""
 
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+
+def view_hint(recording: Path) -> str:
+    """Return the last line of a run that was recorded in a folder or a file: the command that shows it."""
+    return f"see it: rmr view {shlex.quote(str(recording))}"
 
 
 def missed_hint(report: Mapping[str, Any], recording: Path) -> list[str]:

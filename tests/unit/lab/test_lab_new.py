@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,6 +46,14 @@ def test_new_lab_has_a_test_that_runs_it(tmp_path):
     text = (tmp_path / "my-shop" / "test_my_shop.py").read_text()
     assert 'run = rmr_sim("lab.yaml", seed=1)' in text
     compile(text, "test_my_shop.py", "exec")
+
+
+@pytest.mark.medium
+def test_python_files_of_a_new_lab_pass_mypy_strict(tmp_path):
+    run(new, tmp_path / "depot")
+    words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "."]
+    answer = subprocess.run(words, cwd=tmp_path / "depot", capture_output=True, text=True, check=False)
+    assert answer.stdout == "Success: no issues found in 2 source files\n"
 
 
 def test_readme_of_a_new_lab_names_its_files_and_has_about_ten_lines(tmp_path):
