@@ -13,10 +13,13 @@ serves a run under way, too; whatever is open then ends at the instant asked for
 | stalled | a fault `stall`; lies over the other kinds | its end |
 | dead | the robot was killed | it was restarted |
 
+Actions are intervals of their own, from `action` to `action_ended`: a lane shows them where a robot takes no turns.
+
 Only `entered`, `left` and `slot_lost` name the event. What a robot did before belongs to the event that it names next.
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import inf
@@ -28,6 +31,9 @@ from rmr.coord.timing import ClaimTiming
 CLAIM_S = in_seconds(ClaimTiming().quiet + ClaimTiming().ahead)
 """A robot begins to claim so long before its slot begins, seconds."""
 
+ACTIONS_MAX = 2000
+"""Bound of the actions of a lane, the newest: more are closer together than a page has pixels."""
+
 Record = dict[str, Any]
 """An interval, a deadline, a leader's term or a schedule, with the keys of `TurnIntervals.timeline`."""
 
@@ -38,6 +44,8 @@ class _Lane:
 
     intervals: list[Record] = field(default_factory=list)
     deadlines: list[Record] = field(default_factory=list)
+    actions: deque[Record] = field(default_factory=lambda: deque(maxlen=ACTIONS_MAX))
+    """Those that have begun; `end_s` is None while one is under way."""
     kind: str = ""
     """Present kind: asking, waiting, inside or dead; empty: none of them."""
     since: float = 0.0
@@ -133,7 +141,9 @@ class TurnIntervals:
         now = [{**each, "event": lane.event if lane.kind == "inside" else None} for each in lane.closed(end_s)]
         intervals = [{**each, "end_s": min(each["end_s"], end_s)} for each in (*lane.intervals, *now)]
         ordered = sorted(intervals, key=lambda each: (each["begin_s"], each["end_s"], each["kind"]))
-        return {"robot": robot, "intervals": ordered, "deadlines": [dict(each) for each in lane.deadlines]}
+        actions = [{**each, "end_s": end_s if each["end_s"] is None else each["end_s"]} for each in lane.actions]
+        deadlines = [dict(each) for each in lane.deadlines]
+        return {"robot": robot, "intervals": ordered, "actions": actions, "deadlines": deadlines}
 
     def _lane(self, robot: int) -> _Lane:
         return self._lanes.setdefault(robot, _Lane())
@@ -201,6 +211,15 @@ class TurnIntervals:
         words = {"leader": leader, "term": entry["term"], "order": list(entry["order"])}
         self._of_event(lane, self._schedules, {"t_s": now, "event": lane.event, **words})
 
+    def _action(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        lane.actions.append({"action": entry["action"], "begin_s": now, "end_s": None, "failure": None})
+
+    def _action_ended(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        for begun in lane.actions:
+            if begun["action"] == entry["action"] and begun["end_s"] is None:
+                begun |= {"end_s": now, "failure": entry["failure"]}
+                return
+
     def _fault(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
         if entry["fault"] == "killed":
             self._die(lane, now)
@@ -218,6 +237,8 @@ class TurnIntervals:
         "deadline_missed": _deadline_missed,
         "leads": _leads,
         "scheduled": _scheduled,
+        "action": _action,
+        "action_ended": _action_ended,
         "fault": _fault,
     }
     """Words of the trace that concern the timeline."""
@@ -241,6 +262,9 @@ class TurnIntervals:
         if lane.kind == "dead":
             return
         lane.enter("dead", now)
+        for begun in lane.actions:
+            if begun["end_s"] is None:
+                begun["end_s"] = now
         lane.unnamed.clear()
         lane.event = None
         self._follow(next(robot for robot, each in self._lanes.items() if each is lane), now)

@@ -77,7 +77,7 @@ def _checked(arguments: argparse.Namespace, recording: "Recording", trace: TextI
 
     try:
         check = ReplayCheck(recording, _options(arguments, trace))
-        with Progress() as progress:
+        with Progress(recording.span[1]) as progress:
             for at in check.run():
                 progress.show(at)
     except MindLogError as error:
@@ -223,12 +223,14 @@ def _form(compiled: bool) -> str:
 
 
 class Progress:
-    """The instant that a replay has reached, on a terminal."""
+    """The instant that a replay has reached, of the recording's end, on a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, end: int) -> None:
+        self._end_s = end // 1_000_000_000
         self._shown = -1
 
     def __enter__(self) -> "Progress":
+        self.show(0)
         return self
 
     def show(self, at: int) -> None:
@@ -236,7 +238,7 @@ class Progress:
         second = at // 1_000_000_000
         if second != self._shown and sys.stderr.isatty():
             self._shown = second
-            print(f"\rreplayed up to {second} s ", end="", file=sys.stderr, flush=True)
+            print(f"\rreplayed {second} of {self._end_s} s ", end="", file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._shown >= 0:

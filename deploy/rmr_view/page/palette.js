@@ -1,11 +1,15 @@
-// Colours of the page: Okabe and Ito's palette, which people with any common kind of colour vision tell apart.
+// Colours of the page. The first six of robots are Okabe and Ito's, which people with any common kind of colour vision
+// tell apart; six more were chosen as far as possible from these, from each other, and from the floor of both themes.
 //
-// Robots take six of its hues by their place in the roster. Vermillion is kept for what went wrong: missed deadlines,
+// Robots take the twelve by their place in the roster. Vermillion is kept for what went wrong: missed deadlines,
 // lost frames, faults. Nothing rests on colour alone: robots have numbers, misses have a shape.
 
 export const ALERT = "#D55E00";
 
-const ROBOTS = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#F0E442"];
+const ROBOTS = [
+  "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#F0E442",
+  "#1010F0", "#401080", "#10F070", "#E030F0", "#E01050", "#605010",
+];
 
 const LIGHT = {
   dark: false,

@@ -272,8 +272,31 @@ export class Timeline {
     c.fillRect(begin, RULER - 5, Math.max(2, end - begin), 3);
   }
 
+  /** The actions of a robot that takes no turns, as bars with their names; one that failed has the colour of alarm. */
+  drawActions(c, place, lane, inset) {
+    for (const one of lane.actions) {
+      const begin = Math.max(GUTTER, this.px(one.begin_s));
+      const end = Math.min(this.width, this.px(one.end_s));
+      if (end < GUTTER || begin > this.width) continue;
+      const [y, wide, tall] = [this.top(place) + inset, Math.max(1, end - begin - 1), this.lane - 2 * inset];
+      c.fillStyle = faded(one.failure ? ALERT : robotColour(lane.robot), 0.4);
+      c.fillRect(begin, y, wide, tall);
+      if (tall < 10 || wide < 40) continue;
+      c.save();
+      c.beginPath();
+      c.rect(begin, y, wide, tall);
+      c.clip();
+      c.fillStyle = this.colours.text;
+      c.font = "10px system-ui, sans-serif";
+      c.textAlign = "left";
+      c.fillText(one.action, begin + 4, y + tall / 2 + 3.5);
+      c.restore();
+    }
+  }
+
   drawLane(c, place, lane) {
     const inset = this.lane > 16 ? 5 : this.lane > 8 ? 2 : 1;
+    if (lane && withoutTurns(lane)) this.drawActions(c, place, lane, inset);
     for (const one of lane?.intervals ?? []) {
       const begin = Math.max(GUTTER, this.px(one.begin_s));
       const end = Math.min(this.width, this.px(one.open ? this.source.end : one.end_s));
@@ -413,6 +436,11 @@ export class Timeline {
       const event = interval.event ? `, ${interval.event}` : "";
       lines.push(`Robot ${robot} ${stateText(interval.kind)}${event}: ${clockText(interval.begin_s)} to ${interval.open ? "now" : clockText(interval.end_s)}`);
     }
+    for (const one of lane && withoutTurns(lane) ? lane.actions : []) {
+      if (one.begin_s > t || t > one.end_s) continue;
+      const failed = one.failure ? `, failed: ${one.failure}` : "";
+      lines.push(`Robot ${robot} ${one.action}: ${clockText(one.begin_s)} to ${clockText(one.end_s)}${failed}`);
+    }
     if (robot !== null && leadersAt(timeline, t).has(robot)) lines.push(`Robot ${robot} leads`);
     for (const fault of timeline.faults ?? []) {
       const begin = faultBegin(fault);
@@ -420,6 +448,11 @@ export class Timeline {
     }
     return lines.length ? [clockText(t, 2), ...lines] : null;
   }
+}
+
+/** Whether a robot has taken no turn so far: its lane shows its drives and other actions then. */
+function withoutTurns(lane) {
+  return !lane.intervals.some((one) => one.kind in STRENGTH);
 }
 
 function deadlineText(one, end) {

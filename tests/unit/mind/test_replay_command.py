@@ -1,12 +1,14 @@
 """`rmr replay`: what it prints, its exit codes, and what it says of recordings that it cannot replay."""
 
+import io
 import json
+import sys
 
 import pytest
 from command_runner import invoke
 from mind_runs import LABS, MindRun, with_changed_octet
 
-from rmr.commands.replay_command import command
+from rmr.commands.replay_command import Progress, command
 from rmr.mind import mind_format as form
 from rmr.mind import mind_versions
 from rmr.node.trace import TraceLevel
@@ -187,3 +189,17 @@ def test_files_that_are_no_recordings_of_minds_are_told(run, tmp_path):
     assert (answer.exit_code, answer.stderr.endswith("it holds no mind\n")) == (3, True)
     answer = replay(written(tmp_path / "foreign.mcap", run, {(9, 9): []}, extra=[("/mind", {"robot": "x"})]))
     assert (answer.exit_code, "is none of rmr's" in answer.stderr) == (3, True)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_replay_shows_on_a_terminal_how_much_it_has_replayed_and_cleans_up(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", screen := Terminal())
+    with Progress(21_400_000_000) as progress:
+        for at_s in (0.5, 1.2, 1.9, 2.0):
+            progress.show(int(at_s * 1e9))
+    shown = "".join(f"\rreplayed {second} of 21 s " for second in (0, 1, 2))
+    assert screen.getvalue() == shown + "\r\033[K"

@@ -1,6 +1,8 @@
 """The files of the page: vendored libraries unchanged, nothing inline, nothing from elsewhere, modules with a head."""
 
 import hashlib
+import itertools
+import math
 import re
 from pathlib import Path
 
@@ -21,6 +23,30 @@ def test_vendored_files_have_their_hashes():
         if file.name not in {"SHA256SUMS", "README.md"}
     }
     assert found == told
+
+
+def lab_of(colour):
+    """Return a colour (#rrggbb) in CIELAB under D65 (CIE 15:2004), in which distances are what people see."""
+    linear = [
+        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+        for c in (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
+    ]
+    rows = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+    white = (0.95047, 1.0, 1.08883)
+    shares = [sum(a * b for a, b in zip(row, linear, strict=True)) / w for row, w in zip(rows, white, strict=True)]
+    x, y, z = (t ** (1 / 3) if t > 0.008856 else 7.787 * t + 16 / 116 for t in shares)
+    return 116 * y - 16, 500 * (x - y), 200 * (y - z)
+
+
+def test_twelve_robots_have_colours_that_differ_from_each_other_from_alarm_and_from_both_floors():
+    """Ten times what is just noticed, 2.3 (Mahy et al. 1994)."""
+    text = (PAGE / "palette.js").read_text()
+    robots = re.findall(r"#[0-9A-Fa-f]{6}", re.search(r"const ROBOTS = \[(.*?)\]", text, re.S)[1])
+    assert len(robots) == 12
+    others = [*re.findall(r'ALERT = "(#\w+)"', text), *re.findall(r'floor: "(#\w+)"', text)]
+    assert len(others) == 3
+    pairs = [*itertools.combinations(robots, 2), *itertools.product(robots, others)]
+    assert [pair for pair in pairs if math.dist(*map(lab_of, pair)) < 23] == []
 
 
 def test_every_vendored_library_has_its_licence():

@@ -45,6 +45,23 @@ def test_passage_is_asking_waiting_claiming_inside_without_gap_and_bears_its_eve
     assert {each["event"] for each in lane["intervals"]} == {"crossing(exit)"}
 
 
+def test_actions_are_from_their_begin_to_their_end_or_death_or_the_instant_asked_for():
+    entries = [
+        entry(1.0, 1, "action", action="moveto(@1, a)"),
+        entry(2.0, 1, "action", action="say(@1)"),
+        entry(3.0, 1, "action_ended", action="moveto(@1, a)", failure="no way"),
+        entry(4.0, 1, "action", action="moveto(@1, a)"),
+    ]
+    lane = lane_of(entries, 6.0)
+    assert [(each["action"], each["begin_s"], each["end_s"], each["failure"]) for each in lane["actions"]] == [
+        ("moveto(@1, a)", 1.0, 3.0, "no way"),
+        ("say(@1)", 2.0, 6.0, None),
+        ("moveto(@1, a)", 4.0, 6.0, None),
+    ]
+    lane = lane_of(entries, 6.0, faults=[{"at": 5.0, "kill": 1}])
+    assert [each["end_s"] for each in lane["actions"]] == [3.0, 5.0, 5.0]
+
+
 @pytest.mark.parametrize(
     ("until", "last"), [(0.7, ("asking", 0.5, 0.7)), (2.0, ("waiting", 1.0, 2.0)), (8.0, ("inside", 6.0, 8.0))]
 )
@@ -126,7 +143,7 @@ def test_timeline_may_be_read_while_entries_come():
         turns.add(each)
         turns.timeline(each["t"])
     assert turns.timeline(20.0) == timeline(PASSAGE, 20.0, [1, 2])
-    assert turns.timeline(20.0)["lanes"][1] == {"robot": 2, "intervals": [], "deadlines": []}
+    assert turns.timeline(20.0)["lanes"][1] == {"robot": 2, "intervals": [], "actions": [], "deadlines": []}
 
 
 @pytest.mark.medium
