@@ -14,7 +14,7 @@ from typing import Any
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, active_runs, past_runs
 from rmr_deploy.process_identity import stat_fields
-from rmr_deploy.run_choice import chosen_run, how_to_start, shown
+from rmr_deploy.run_choice import chosen_run, shown, where_it_looks
 from rmr_deploy.run_requests import RequestError, ask_launcher
 
 PATIENCE_S = 1.5
@@ -51,7 +51,8 @@ def list_labs(*, everything: bool, as_json: bool) -> int:
         cells = [(row["lab"], row["state"], row["robots"], row["launcher"], row["folder"]) for row in rows]
         print(table(("LAB", "STATE", "ROBOTS", "LAUNCHER", "RUN"), cells))
     else:
-        print(f"no lab runs on this machine; {how_to_start()}")
+        print("no lab runs on this machine; start one with rmr up LAB -d")
+        print(f"looked in {where_it_looks()}; a lab that is not there is found by its run folder: rmr ps --run DIR")
     return ExitCode.OK
 
 

@@ -117,8 +117,12 @@ def _nothing(lab: str | None, *, past: bool) -> str:
 
 def how_to_start() -> str:
     """Return what to do where no lab is found: it may be one that the register does not have."""
-    places = ", ".join(map(str, register_places()))
-    return f"start one with rmr up LAB -d, or name its run folder with --run (looked in ./{RUNS} and {places})"
+    return f"start one with rmr up LAB -d, or name its run folder with --run (looked in {where_it_looks()})"
+
+
+def where_it_looks() -> str:
+    """Return the places where labs that run are found without being named."""
+    return f"./{RUNS} and {', '.join(map(str, register_places()))}"
 
 
 def shown(folder: Path) -> str:
