@@ -191,7 +191,7 @@ def addressed(frame: bytes, to: int) -> bytes:
     return frame[:1] + to.to_bytes(2, "big") + frame[3:]
 
 
-TOO_LARGE = "is too large"
+TOO_LARGE: Final = "is too large"
 """What is said of a delivery that fragments cannot carry."""
 
 

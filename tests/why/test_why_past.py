@@ -2,7 +2,8 @@
 
 import json
 import os
-import shutil
+import subprocess
+import sys
 
 import pytest
 from command_runner import invoke
@@ -120,5 +121,7 @@ def test_run_that_goes_on_is_asked_by_the_robots_id_and_says_until_when_it_is_kn
     assert "the recording has not been finished: robot 1 is known until " in result.stdout
     assert "robot 2, not of robot 1" in why("1", "crossing(@2, _)").stderr
     assert why("7", "crossing(R, _)").stderr.startswith("rmr why: robot 7 is not in the lab that runs, corridor")
-    shutil.copy(tmp_path / "whole" / "report.json", folder)  # the run is over
-    assert why("1", "crossing(R, _)").exit_code == 2
+    with subprocess.Popen([sys.executable, "-c", ""]) as launcher:
+        pass
+    (folder / "processes.json").write_text(json.dumps({"launcher": launcher.pid, "connect": "x", "processes": {}}))
+    assert why("1", "crossing(R, _)").exit_code == 2  # the run is over

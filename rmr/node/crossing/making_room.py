@@ -1,8 +1,8 @@
 """A robot that waits for its turn where another one wants to go, or in the only way of the one whose turn it is.
 
 It makes room: it would leave with its own turn, but that may come only when the other one has arrived. So it drives to
-free floor, off the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and the
-drive of the other one fails with that reason.
+free floor, off the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and
+the drive of the other one fails with that reason.
 """
 
 from collections.abc import Sequence
