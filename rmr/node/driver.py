@@ -117,6 +117,10 @@ class Driver:
         """The commanded speed, m/s."""
         return self._twist.v
 
+    def driven(self, now: Instant) -> float:
+        """Return how fast the wheels drive, m/s: a fast robot drives on for a while when it is to stand still."""
+        return self.speed if self.speed < 0.0 else max(self.speed, self.navigator.control.wheels.speed(now))
+
     @property
     def percept(self) -> Percept:
         """What the robot senses now."""

@@ -5,6 +5,8 @@ from random import Random
 import pytest
 from shape_labs import PROGRAM, shape_lab
 
+from rmr.base.geometry import distance
+from rmr.base.time import in_seconds
 from rmr_sim.run_setup import prepare
 
 CROSSING = """
@@ -48,3 +50,28 @@ def test_robots_of_any_size_and_speed_change_sides_on_open_floor(tmp_path, radiu
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_fast_robot_that_brakes_in_a_turn_beside_a_wall_does_not_leave_its_arc(tmp_path, seed):
     assert run(tmp_path, shape_lab("crossing", 0.5, 1.0, 2, Random(9)), seed) == (True, 0)
+
+
+def test_a_fast_robot_says_how_fast_it_drives_while_it_brakes(tmp_path):
+    """It is commanded to stand still, and drives on for half a metre: to others it was a body that stands."""
+    (tmp_path / "fast.rmr").write_text(PROGRAM)
+    (tmp_path / "lab.yaml").write_text(CROSSING.format(speed=1.0))
+    simulation = prepare(tmp_path, seed=1)
+    places = {}
+    told = []
+
+    def look(now):
+        for host in simulation.robots:
+            x, y, _ = simulation.world.pose(host.robot)
+            x0, y0, then = places.get(host.robot, (x, y, now))
+            if now > then:
+                driven = distance(x, y, x0, y0) / in_seconds(now - then)
+                commanded = host.node.driver.speed
+                told.append((driven, commanded, host.node.driver.driven(now)))
+            places[host.robot] = x, y, now
+
+    simulation.observers.append(look)
+    assert simulation.run()
+    brakes = [(driven, said) for driven, commanded, said in told if driven > 0.4 and commanded == 0.0]
+    assert brakes
+    assert all(said > 0.7 * driven for driven, said in brakes)

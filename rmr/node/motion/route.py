@@ -194,9 +194,10 @@ def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
     mouths = passage.mouths
     size = scale_of(arena.shape).size
     passed = [route.project(*mouth, 0.0, route.length_m) for mouth in mouths]
-    way = passed.index(min(passed))
-    gate = passed[way]
-    if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M * size:
+    gate = min(passed)
+    way = passed.index(gate)
+    # Where a passage is wide, a route leads past the middle of its mouth.
+    if distance(*route.point(gate), *mouths[way]) > max(GATE_REACH_M * size, arena.clearance(*mouths[way])):
         return None
     if not passage.two_ended:
         if not passage.by_event and route.length_m - gate < VIA_M:
@@ -204,7 +205,8 @@ def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
         way = way_of(route.heading(gate + INTO_M))
         clear = _end_of_narrow(arena, route, gate)
         return replace(route, gate_m=gate, clear_m=clear, way=way, passage=passage.name)
-    if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M * size:
+    end = mouths[1 - way]
+    if distance(*route.point(passed[1 - way]), *end) > max(EXIT_REACH_M * size, arena.clearance(*end)):
         return None
     clear = _clear_of(arena, passage, route, gate)
     room = _room(arena, passage)

@@ -9,13 +9,16 @@ at more than `SLOPE`, for the error of the estimates turns the direction in whic
 """
 
 import math
+from collections.abc import Iterable
 from typing import Final, final
 
-from rmr.base.arena import BRAKE, Arena
+from rmr.base.arena import BRAKE, REFERENCE, Arena
 from rmr.base.geometry import Pose, Twist, hypot
-from rmr.base.motion_scale import HEADING_ERROR, LAG_S
+from rmr.base.motion_scale import HEADING_ERROR, LAG_S, blur_m
 from rmr.base.time import Duration, in_seconds
+from rmr.node.motion.avoid import STILL_MPS
 from rmr.node.motion.braking import LeadIn
+from rmr.node.ports import SeenBody
 
 SIGMAS: Final = 3.0
 """The margin between two hulls, or a hull and a wall, in standard deviations of their distance."""
@@ -88,6 +91,29 @@ class Shield:
             free = _way_past(twist, lead, other, free)
         return 1.0 if free >= way else self._speed_on(free) / speed
 
+    def apart(self, twist: Twist, bodies: Iterable[SeenBody], sigma_m: float, lead: LeadIn | None = None) -> float:
+        """Return the share of `twist` from which the robot stands nearer to its own place than to those of `bodies`.
+
+        Those that drive count, in the robot's frame, where they are now; `sigma_m`: standard deviation of their
+        distance. The robot is left the speed of the reference robot. `lead` as in `past`.
+        """
+        speed = abs(twist.v)
+        least = REFERENCE.speed
+        if speed <= least:
+            return 1.0
+        way = self._way(speed)
+        free = way
+        radius = 0.5 * self._touch
+        for body in bodies:
+            drives = hypot(body.vx, body.vy)
+            if drives <= STILL_MPS:
+                continue  # `past` knows it: it does not come
+            away = hypot(body.x, body.y)
+            half = 0.5 * (away - SIGMAS * sigma_m - blur_m(min(self._speed, drives))) - radius
+            if half < free * (1.0 + SLOPE) and away > 0.0:
+                free = _way_before(twist, lead, body.x / away, body.y / away, half, free)
+        return 1.0 if free >= way else max(least, self._speed_on(free)) / speed
+
     def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float, lead: LeadIn | None = None) -> float:
         """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.
 
@@ -139,6 +165,26 @@ def _way_past(twist: Twist, lead: LeadIn | None, other: TakenDisc, way: float) -
         if room < 0.0:
             return s
         s = ahead
+    return way
+
+
+def _way_before(twist: Twist, lead: LeadIn | None, nx: float, ny: float, half: float, way: float) -> float:
+    """Return how much of `way`, along `lead` and the arc of `twist`, leads no farther than `half` along (nx, ny)."""
+    forward = 1.0 if twist.v > 0.0 else -1.0
+    bend = twist.w / abs(twist.v)
+    s = 0.0
+    ahead = 0.0
+    while s < way:
+        if lead is None:
+            x = forward * _along(bend, s)
+            y = forward * _aside(bend, s)
+        else:
+            x, y = on_the_way(lead, bend, s)
+        room = max(0.0, half) - (x * nx + y * ny) - _astray(s, False)
+        if room < 0.0:
+            return ahead
+        ahead = s
+        s = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
     return way
 
 

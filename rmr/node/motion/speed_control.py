@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from rmr.base.arena import ROUNDING_M, Arena
+from rmr.base.arena import REFERENCE, ROUNDING_M, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
 from rmr.node.motion.avoid import STILL_MPS
@@ -57,6 +57,7 @@ class SpeedControl:
 
     __slots__ = (
         "_clearance",
+        "_fast",
         "_measured_x",
         "_measured_y",
         "_memory",
@@ -83,6 +84,7 @@ class SpeedControl:
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
+        self._fast: Final = arena.shape.speed > REFERENCE.speed
         self.wheels = Wheels(arena.shape)
         self._clearance = -math.inf
         """Distance to the nearest wall, metres, from the place where that was measured last."""
@@ -231,7 +233,13 @@ class SpeedControl:
         pose = self.scene.pose
         shield = self._shield
         share = self._before_walls(twist, pose, lead) if walls else 1.0
-        return min(share, shield.past(twist, self._standing(pose), lead))
+        share = min(share, shield.past(twist, self._standing(pose), lead))
+        if not self._fast or twist.v <= REFERENCE.speed:
+            return share
+        around = self.scene
+        bodies = around.bodies
+        share = min(share, shield.apart(twist, bodies[: around.heard_from], VIEW_SIGMA_M, lead))
+        return min(share, shield.apart(twist, bodies[around.heard_from :], math.sqrt(2.0) * self.sigma_m, lead))
 
     def _before_walls(self, twist: Twist, pose: Pose, lead: LeadIn | None) -> float:
         """Return the share of `twist` from which the robot at `pose` stands before each wall.
@@ -265,7 +273,7 @@ class SpeedControl:
         radius = self.arena.shape.radius
         for other in self.hearing.fresh:
             # A robot under way that stands may set out again; where it stands is what is known of it.
-            if not other.parked and (other.vx != 0.0 or other.vy != 0.0):
+            if not other.parked and hypot(other.vx, other.vy) > STILL_MPS:
                 continue
             dx = other.x - pose.x
             dy = other.y - pose.y

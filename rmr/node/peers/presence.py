@@ -145,7 +145,8 @@ class Presence:
         rank = self._crossings.rank
         links = self._peers.links
         listed = b"" if links is None else links.list_of(self._peers.heard_at(now), now)
-        hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays, listed)
+        v = driver.driven(now)
+        hello = Hello(pose.x, pose.y, pose.theta, v, parked, rank, goal, self._state.digest, stays, listed)
         self._radio.transmit(payloads.encode_hello(hello), None)
 
     # -- hearing ----------------------------------------------------------------------------------------------

@@ -7,9 +7,9 @@ import math
 
 import pytest
 
-from rmr.base.arena import BRAKE, TURN_ACCELERATION, Arena, RobotShape
+from rmr.base.arena import BRAKE, REFERENCE, TURN_ACCELERATION, Arena, RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist
-from rmr.base.motion_scale import HEADING_ERROR, PLANNED_BRAKE, REACTION_BRAKE, scale_of
+from rmr.base.motion_scale import HEADING_ERROR, LAG_S, PLANNED_BRAKE, REACTION_BRAKE, scale_of
 from rmr.base.time import seconds
 from rmr.node.motion.avoid import STOP_GAP_M, closing_limit
 from rmr.node.motion.braking import LeadIn, Wheels
@@ -17,7 +17,7 @@ from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import make_route
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import on_the_way
+from rmr.node.motion.shield import Shield, on_the_way
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.ports import SeenBody
@@ -158,3 +158,41 @@ def test_large_slow_robots_wait_as_long_as_one_of_them_takes_to_pass():
 def test_the_next_in_a_queue_of_large_robots_is_in_reach():
     assert queue_reach(RobotShape()) == 0.3
     assert queue_reach(RobotShape(radius=0.3)) > 2.0 * 2.0 * 0.3
+
+
+AHEAD = Twist(1.0, 0.0)
+HALFWAY = Shield(0.1, 1.0)
+
+
+def share_before(x: float, y: float, vx: float, vy: float, twist: Twist = AHEAD) -> float:
+    return HALFWAY.apart(twist, [SeenBody(x, y, vx, vy)], 0.0)
+
+
+def test_two_fast_robots_that_meet_each_keep_to_their_half_of_the_way():
+    assert share_before(3.0, 0.0, -1.0, 0.0) == 1.0
+    v = share_before(1.0, 0.0, -1.0, 0.0)
+    way = v * LAG_S + v * v / (2.0 * BRAKE)
+    assert 0.3 < way < 0.4, "half of 1 m, less a radius and what both drive within the age of a sample"
+
+
+@pytest.mark.parametrize(
+    ("body", "share"),
+    [
+        ((-0.5, 0.0, 1.0, 0.0), 1.0),  # behind
+        ((0.0, 0.5, 1.0, 0.0), 1.0),  # abeam, on a parallel way
+        ((0.3, 0.0, 0.0, 0.0), 1.0),  # one that stands is another part's
+        ((0.21, 0.0, -1.0, 0.0), REFERENCE.speed),  # near: the other rules decide
+    ],
+)
+def test_what_comes_no_nearer_does_not_slow_a_fast_robot_and_nothing_below_the_reference_speed(body, share):
+    assert share_before(*body) == share
+
+
+def test_a_fast_robot_turns_no_arc_across_the_half_of_another_one():
+    beside = 0.0, 0.8, -1.0, 0.0
+    assert share_before(*beside) == 1.0
+    assert share_before(*beside, Twist(1.0, 2.0)) < 0.9
+
+
+def test_the_slow_are_left_to_the_speed_law():
+    assert Shield(0.07, 0.2).apart(Twist(0.2, 0.0), [SeenBody(0.16, 0.0, -0.2, 0.0)], 0.0) == 1.0

@@ -102,3 +102,14 @@ def test_a_robot_that_has_asked_at_a_passage_goes_there():
     blocked = gated_route(arena, start, goal, [Point(1.2, 1.05)], via="north")
     assert blocked is not None
     assert blocked.passage == "south"
+
+
+def test_a_route_along_the_side_of_a_wide_passage_passes_its_gate():
+    """Its mouth is a point in the middle: a route that cuts the corner is 0.4 m away from it."""
+    mouths = area("wide_w", 1.0, 1.0), area("wide_e", 1.4, 1.0)
+    walls = bench.box(1.0, 0.0, 1.4, 0.4), bench.box(1.0, 1.6, 1.4, 4.0)
+    arena = Arena(2.4, 4.0, 0.05, walls, mouths, passages=(FloorPassage("wide", mouths),))
+    route = leader_route(arena, Point(0.5, 3.5), Point(1.9, 3.5), (), through_gate=True)
+    assert route is not None
+    assert min(abs(y - 1.0) for _, y in route.points) > 0.2
+    assert route.passage == "wide"
