@@ -12,6 +12,7 @@ from rmr_deploy.why_program import why_command
 
 @pytest.mark.slow
 def test_why_of_a_fact_is_answered_while_the_processes_run(up, tmp_path, monkeypatch):
+    monkeypatch.setenv("RMR_REGISTER", str(tmp_path / "register"))  # another test may run a lab
     (tmp_path / "runs").mkdir()
     lab = tmp_path / "corridor"
     shutil.copytree(CORRIDOR, lab)

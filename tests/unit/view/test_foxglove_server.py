@@ -391,6 +391,7 @@ def test_port_in_use_and_no_recording_are_told_in_one_sentence(run, tmp_path, ca
 )
 def test_command_tells_what_foxglove_cannot_do(run, tmp_path, monkeypatch, capsys, words, code, message):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RMR_REGISTER", str(tmp_path / "register"))  # another test may run a lab
     assert view.command().main([word.format(run=run) for word in words], "rmr view") == code
     assert message in capsys.readouterr().err
 
