@@ -30,6 +30,7 @@ from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path
+from rmr_world.quorum import Fate
 
 POLL_S = 0.1
 LAST_S = 1.0
@@ -83,7 +84,7 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
     with suppress(TimeoutError):
         await asyncio.wait_for(_all_told(plan.lab, monitor), LAST_S)
     outcome.wall_s = time.monotonic() - began
-    outcome.dead = [robot for robot in plan.lab.roster if robot not in monitor.present]
+    outcome.absent = _absent(plan.lab, monitor)
     record = make_report(plan, outcome, monitor)
     monitor.close()
     Console(stderr=options.as_json, highlight=False).print(table(record))
@@ -124,14 +125,19 @@ async def _until_over(lab: Lab, monitor: StatusMonitor, screen: Screen, outcome:
         elif monitor.world is not None and monitor.world.final:
             outcome.reason = "the world has ended"
         elif seen >= {*lab.roster} and monitor.running(lab.roster):
-            living = [robot for robot in lab.roster if robot in monitor.present]
-            outcome.finished, outcome.reason = judged_end(lab, monitor, living) if living else (False, "")
+            absent = _absent(lab, monitor)
+            if len(absent) < len(lab.roster):
+                outcome.finished, outcome.reason = judged_end(lab, monitor, absent)
+
+
+def _absent(lab: Lab, monitor: StatusMonitor) -> dict[int, Fate]:
+    return {robot: monitor.fate(robot) for robot in lab.roster if robot not in monitor.present}
 
 
 def _line(robot: int, monitor: StatusMonitor, seen: set[int]) -> tuple[str, str]:
     if robot in monitor.present:
         return monitor.line(robot)
-    return ("died", "") if robot in seen else ("starting", "")
+    return (monitor.fate(robot), "") if robot in seen else ("starting", "")
 
 
 async def _all_told(lab: Lab, monitor: StatusMonitor) -> None:

@@ -33,10 +33,10 @@ from rmr_deploy.screen import make_screen, table
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.faults import process_run_faults
-from rmr_world.incarnations import merged_report, with_lost_jobs
+from rmr_world.incarnations import merged_report
 from rmr_world.lab import Lab
 from rmr_world.missed_hint import missed_hint, view_hint
-from rmr_world.quorum import ALL, met_at
+from rmr_world.quorum import ALL, STOPPED, met_at
 from rmr_world.run_warnings import run_warnings, unhandled_failures
 
 
@@ -139,7 +139,7 @@ def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -
     """Return the exit code of a run."""
     if outcome.invalid and outcome.ready_s is None:
         return ExitCode.INVALID
-    if not outcome.finished or (set(outcome.died) - outcome.excused and record["quorum"] == ALL):
+    if not outcome.finished or (set(outcome.ended) - outcome.excused and record["quorum"] == ALL):
         return ExitCode.FAILED
     if unhandled_failures(record):
         return ExitCode.FAILED
@@ -166,7 +166,7 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         robots=parts,
         truth=truth(monitor),
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
-        dead=outcome.dead,
+        dead=outcome.absent,
     )
     world = monitor.world.report if monitor and monitor.world else {}
     told["bus"]["late_commands"] = [list(each) for each in world.get("late_commands", ())]
@@ -181,12 +181,13 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
     if outcome.loads:
         told["loads"] = outcome.loads
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
-    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
+    stopped = [robot for robot, fate in outcome.absent.items() if fate == STOPPED]
+    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died, "stopped": stopped}
 
 
 def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:
     """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
-    past = [with_lost_jobs(part) for part in monitor.past(robot)]
+    past = list(monitor.past(robot))
     present = monitor.report(robot)
     if not present and past:
         present = past.pop()
@@ -197,7 +198,7 @@ def time_s(
     lab: Lab, parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, monitor: StatusMonitor | None
 ) -> float:
     """Return lab seconds from the first tick until the quorum was met, or to the end of a run where it was not."""
-    finishes = {robot: part.get("finish_s") for robot, part in parts.items() if robot not in outcome.dead}
+    finishes = {robot: part.get("finish_s") for robot, part in parts.items() if robot not in outcome.absent}
     met = met_at(lab.quorum, finishes) if outcome.finished else None
     if met is not None:
         return float(met)

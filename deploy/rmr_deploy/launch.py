@@ -24,7 +24,6 @@ from typing import Any
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
-from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.fault_schedule import FaultSchedule
@@ -37,12 +36,13 @@ from rmr_deploy.process_faults import ProcessFaults
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
 from rmr_deploy.program_watch import watched
 from rmr_deploy.restarts import Restarts
-from rmr_deploy.run_end import judged_end, names, patiently, unready
+from rmr_deploy.robot_lives import RobotLives
+from rmr_deploy.run_end import judged_end, names, patiently, unready, who_came_back, who_ended
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
-from rmr_deploy.run_status import ended, told_facts, told_status
+from rmr_deploy.run_status import told_facts, told_status
 from rmr_deploy.run_sweep import sweep
-from rmr_deploy.screen import RobotLine, Screen
+from rmr_deploy.screen import Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL
 
@@ -77,7 +77,8 @@ class LabRun:
         self._page: PageStart | None = None
         self._processes = ProcessGroup()
         self._world: Child | None = None
-        self._robots: dict[int, Child] = {}
+        self.lives = RobotLives(plan.lab.roster, self.outcome, self._will_start)
+        self._robots = self.lives.children
         self.faults = ProcessFaults(
             self._robots,
             lambda robot, name: self._start_again((robot,), name),
@@ -86,8 +87,6 @@ class LabRun:
         self.outcome.faults = self.faults.entries
         self.restarts = Restarts(plan.options.restart, self._start_again)
         self.schedule = FaultSchedule(plan.lab.faults, self._order)
-        self._returned: set[int] = set()
-        """Robots whose process died and whose place a process that was started by hand has taken."""
         self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
         self._drawn = 0.0
@@ -106,7 +105,7 @@ class LabRun:
                 self._screen.say(unregistered)
             self.events.note("started", f"lab {self.plan.lab.name} starts", connect=self._endpoint, **about)
             await self._attend()
-            self.outcome.dead = [robot for robot in self.plan.lab.roster if not self._is_there(robot)]
+            self.outcome.absent = self.lives.absent()
             self.events.note("over", self.outcome.reason, finished=self.outcome.finished, reason=self.outcome.reason)
             await self._stop()
         finally:
@@ -118,7 +117,7 @@ class LabRun:
                 self.monitor.close()
             self.plan.secret.unlink(missing_ok=True)
             self.outcome.wall_s = time.monotonic() - self._began
-        sweep(self.plan, self._processes, self.outcome.died, self.monitor, self._screen.say)
+        sweep(self.plan, self._processes, self.outcome.ended, self.monitor, self._screen.say)
         return self.outcome
 
     def _interrupt(self, signal_name: str) -> None:
@@ -207,22 +206,10 @@ class LabRun:
         """Whether the run has reached its end in good order."""
         outcome = self.outcome
         assert self.monitor is not None
-        living = self._living()
-        outcome.finished, outcome.reason = judged_end(self.plan.lab, self.monitor, living)
-        absent = set(self.plan.lab.roster) - set(living)
-        back = sorted(set(outcome.died) - {self._robots[robot].name for robot in absent})
-        if outcome.finished and back:
-            outcome.reason += f"; {', '.join(back)} died on the way and was started again"
+        outcome.finished, outcome.reason = judged_end(self.plan.lab, self.monitor, self.lives.lost())
+        if outcome.finished:
+            outcome.reason += who_came_back(self.lives.replaced())
         return bool(outcome.reason)
-
-    def _living(self) -> tuple[int, ...]:
-        return tuple(robot for robot in self._robots if self._lives(robot))
-
-    def _lives(self, robot: int) -> bool:
-        return self._is_there(robot) or self._will_start(robot)
-
-    def _is_there(self, robot: int) -> bool:
-        return self._robots[robot].name not in self.outcome.died or robot in self._returned
 
     def _will_start(self, robot: int) -> bool:
         """Whether a robot that is dead will be started again, by the policy or a fault of the lab file."""
@@ -250,7 +237,8 @@ class LabRun:
             for message, entry in self.schedule.perform_due(self.monitor.now):
                 self._screen.say(message)
                 self.events.note("fault", message, fault=entry)
-        self._note_returned()
+        if self.monitor is not None:
+            self.lives.note_returned(self.monitor, self._note_robot)
         if self.outcome.reason:
             return
         if self.outcome.interrupted:
@@ -265,13 +253,8 @@ class LabRun:
     def _answer(self, request: Mapping[str, Any]) -> Answer:
         """Carry out a request, or answer a question."""
         if request.get("do") == "status":
-            children = self._processes.children
-            living = self._living()
-            paused = self.faults.paused
-            ready_s = self.outcome.ready_s
-            return told_status(
-                self.plan, children, self._robots, self.monitor, living=living, paused=paused, ready_s=ready_s
-            )
+            children, paused, ready_s = self._processes.children, self.faults.paused, self.outcome.ready_s
+            return told_status(self.plan, children, self.lives, self.monitor, paused=paused, ready_s=ready_s)
         if request.get("do") == "facts":
             return told_facts(self.monitor, request.get("robot"))
         return self._order(request)
@@ -279,7 +262,7 @@ class LabRun:
     def _order(self, request: Mapping[str, Any]) -> str:
         """Carry out a request; return why it is refused, or nothing."""
         robot = request.get("robot")
-        if type(robot) is int and robot in self._returned:
+        if type(robot) is int and robot in self.lives.returned:
             return f"robot {robot} is a process that was started by hand"
         if request.get("do") == "outage":
             refused = ask_outage(self.monitor, self.plan.lab.roster, request, self.faults.entries)
@@ -298,20 +281,19 @@ class LabRun:
 
     def _report_exits(self) -> None:
         """Show an exit report of each process that has ended since the last poll; end the run unless it goes on."""
-        news = [child for child in self._processes.dead() if child.name not in self.outcome.died]
+        news = [child for child in self._processes.dead() if child.name not in self.outcome.ended]
         for child in news:
             code = child.exit_code()
             assert code is not None
-            self.outcome.died[child.name] = code
-            self.outcome.invalid |= code == ExitCode.INVALID
+            self.outcome.note_end(child.name, code, asked=child.name in self.faults.stopped)
             self._screen.say(exit_report(child))
             self.events.note(
                 "process_ended", f"{child.name} {how(code)}", process=child.name, pid=child.pid, exit_code=code
             )
-            robots = self._robots_of(child)
+            robots = self.lives.of(child)
             if self.monitor is not None:
                 for robot in robots:
-                    self.monitor.retire(robot)
+                    self.monitor.retire(robot, self.outcome.fate(child.name))
             by_hand = child.name in self.faults.killed
             replaced = not by_hand and self.restarts.failed(child, code, robots) is not None
             if by_hand or replaced or child.name in self.faults.crashed:
@@ -319,45 +301,24 @@ class LabRun:
         may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
         asked = all(child.name in self.outcome.excused for child in news)
         if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
-            self.outcome.reason = f"{', '.join(self.outcome.died)} died"
+            self.outcome.reason = who_ended({name: self.outcome.fate(name) for name in self.outcome.ended})
 
-    def _note_returned(self) -> None:
-        """Note the robots that were started again by hand, and those of them that have left."""
-        monitor = self.monitor
-        if monitor is None:
-            return
-        for robot, child in self._robots.items():
-            here = child.name in self.outcome.died and robot in monitor.present
-            if here and robot not in self._returned:
-                self._returned.add(robot)
-                self._screen.say(f"robot {robot} is back: another process has taken its place")
-                self.events.note("robot_back", f"robot {robot} is back", robot=robot)
-            elif robot in self._returned and not here:
-                self._returned.discard(robot)
-                monitor.retire(robot)
-                self._screen.say(f"robot {robot} has left again")
-                self.events.note("robot_left", f"robot {robot} has left again", robot=robot)
-
-    def _robots_of(self, child: Child) -> list[int]:
-        return [robot for robot, one in self._robots.items() if one is child]
+    def _note_robot(self, event: str, robot: int, message: str) -> None:
+        self._screen.say(message)
+        self.events.note(event, message, robot=robot)
 
     def _can_go_on(self, *, asked: bool) -> bool:
         """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""
         may_lack = asked or self.outcome.ready_s is not None or self.plan.options.restart is not None
-        return may_lack and "world" not in self.outcome.died and bool(self._living())
+        return may_lack and "world" not in self.outcome.ended and bool(self.lives.living())
 
     def _draw(self, *, now: bool = False) -> None:
         if not now and time.monotonic() < self._drawn + DRAW_S:
             return
         self._drawn = time.monotonic()
-        lines = [self._line(robot) for robot in self.plan.lab.roster]
+        lines = [self.lives.line(robot, self.monitor) for robot in self.plan.lab.roster]
         self._screen.show(self._lab_s(), lines)
         self.events.note_states((line.robot, line.state) for line in lines)
-
-    def _line(self, robot: int) -> RobotLine:
-        if not self._lives(robot):
-            return RobotLine(robot, *ended(self._robots[robot]))
-        return RobotLine(robot, *(("starting", "") if self.monitor is None else self.monitor.line(robot)))
 
     # --- stop ----------------------------------------------------------------------------------------------
 
@@ -393,7 +354,7 @@ class LabRun:
     def _is_final(self, robot: int) -> bool:
         if self.monitor is not None and self.monitor.final(robot):
             return True
-        return self._gone(self._robots[robot]) and robot not in self._returned
+        return self._gone(self._robots[robot]) and robot not in self.lives.returned
 
     def _report_silent(self) -> None:
         """Name the robots whose last status did not come: the report holds their status before it."""

@@ -3,7 +3,7 @@
 A crash is a kill that stands for a failure of the robot: the restart policy applies to it, as it does not to what a
 person has killed. A slow process is stopped and continued in turn, so that it runs for one tick in each period.
 
-A robot that was killed or stopped counts as died, as with ``--keep-going``: the run goes on without it, or with the
+A robot that was killed or stopped is absent, as with ``--keep-going``: the run goes on without it, or with the
 process that is started in its place. Its name gets a number: ``robot-3`` is followed by ``robot-3.1``.
 
 What is done to a process like a fault of the lab file is noted in `entries`, in the form of such a file, for report
@@ -57,6 +57,8 @@ class ProcessFaults:
         self._now_s = now_s
         self.killed: set[str] = set()
         """Names of the processes that were killed or stopped on request."""
+        self.stopped: set[str] = set()
+        """Those of them that were asked to stop."""
         self.crashed: set[str] = set()
         """Names of the processes that were killed by a fault."""
         self.entries: list[dict[str, Any]] = []
@@ -122,6 +124,7 @@ class ProcessFaults:
 
     def _stop(self, child: Child) -> str:
         self.killed.add(child.name)
+        self.stopped.add(child.name)
         self._continue(child.name)  # a process that is stopped takes no SIGTERM
         child.process.send_signal(signal.SIGTERM)
         return ""

@@ -1,27 +1,27 @@
-"""Whether a run has reached its end, and sentences on how: which robots finished, and which died."""
+"""Whether a run has reached its end, and sentences on how: which robots finished, and what became of the others."""
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.lab import Lab
-from rmr_world.quorum import is_met
+from rmr_world.quorum import Fate, absence, by_fate, is_met
 
 POLL_S = 0.05
 """Period with which a claim about the end is looked at."""
 
 
-def judged_end(lab: Lab, monitor: StatusMonitor, living: Sequence[int]) -> tuple[bool, str]:
+def judged_end(lab: Lab, monitor: StatusMonitor, absent: Mapping[int, Fate]) -> tuple[bool, str]:
     """Return whether the run has finished, and why it is over; the reason is empty while it goes on.
 
-    `living` are the robots that may still hold the finish fact: those that run or are about to be started again.
+    `absent` are the robots that hold no finish fact any more: those that neither run nor are about to be started again.
     """
-    absent = sorted(set(lab.roster) - set(living))
+    living = [robot for robot in lab.roster if robot not in absent]
     holding = [robot for robot in living if monitor.finished((robot,))]
-    met = is_met(lab.quorum, lab.roster, absent, holding)
+    met = is_met(lab.quorum, lab.roster, list(absent), holding)
     if lab.finish and (met or len(holding) == len(living)):
         return met, who_finished(lab, holding, absent, met=met)
     if monitor.now >= lab.duration:
@@ -43,15 +43,26 @@ def unready(monitor: StatusMonitor | None, lab: Lab) -> list[str]:
     return [f"robot {robot}" for robot in lab.roster if not monitor.ready((robot,))]
 
 
-def who_finished(lab: Lab, holding: Sequence[int], absent: Sequence[int], *, met: bool) -> str:
-    """Return why the run is over: which robots hold the finish fact, and which died."""
+def who_finished(lab: Lab, holding: Sequence[int], absent: Mapping[int, Fate], *, met: bool) -> str:
+    """Return why the run is over: which robots hold the finish fact, and what became of those that are `absent`."""
     if isinstance(lab.quorum, int):
         who = f"{len(holding)} robots hold" if len(holding) != 1 else "1 robot holds"
         short = "" if met else f", {lab.quorum} should"
-        return f"{who} the finish fact{short}" + (f"; {names(absent)} died" if absent else "")
+        return f"{who} the finish fact{short}" + (f"; {absence(absent)}" if absent else "")
     if absent:
-        return f"every robot that lives holds the finish fact; {names(absent)} died"
+        return f"every robot that lives holds the finish fact; {absence(absent)}"
     return "every robot holds the finish fact"
+
+
+def who_ended(fates: Mapping[str, Fate]) -> str:
+    """Return ``robot-1 died, robot-2 was stopped`` for the processes of a run that cannot go on without them."""
+    return ", ".join(f"{', '.join(names)} {verb}" for names, verb in by_fate(fates))
+
+
+def who_came_back(fates: Mapping[str, Fate]) -> str:
+    """Return a clause for each fate of processes in whose place another one was started; empty if there are none."""
+    clauses = (f"{', '.join(names)} {verb}" for names, verb in by_fate(fates))
+    return "".join(f"; {clause} on the way and came back" for clause in clauses)
 
 
 def names(robots: Sequence[int]) -> str:

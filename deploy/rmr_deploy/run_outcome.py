@@ -1,7 +1,14 @@
-"""What came of a run of processes: how it ended, and which processes ended before their time."""
+"""What came of a run of processes: how it ended, and which processes ended before their time.
+
+Whether one died or was stopped is decided here alone: it was stopped if that was asked for, or if it ended in good
+order, as at SIGTERM. What then has to be said of it, in words and colours, follows from its fate (`rmr_world.quorum`).
+"""
 
 from dataclasses import dataclass, field
 from typing import Any
+
+from rmr.entry import ExitCode
+from rmr_world.quorum import DIED, STOPPED, Fate
 
 
 @dataclass(slots=True)
@@ -17,12 +24,14 @@ class RunOutcome:
     """Interrupted twice: everything was killed at once."""
     invalid: bool = False
     """A process refused the program or the lab."""
-    died: dict[str, int] = field(default_factory=dict)
+    ended: dict[str, int] = field(default_factory=dict)
     """Exit codes of the processes that ended before their time, by name."""
+    stopped: set[str] = field(default_factory=set)
+    """Those of them that did so as they were asked to, or in good order."""
     excused: set[str] = field(default_factory=set)
     """Those of them that ended on request, or that the restart policy has replaced: the exit code is not for them."""
-    dead: list[int] = field(default_factory=list)
-    """Robots whose process had ended when the run was over, and had not been started again."""
+    absent: dict[int, Fate] = field(default_factory=dict)
+    """Robots whose process had ended when the run was over, and had not been started again, ascending."""
     ready_s: float | None = None
     """Wall time from the start of the first process until all were ready."""
     wall_s: float = 0.0
@@ -35,3 +44,19 @@ class RunOutcome:
     """Why the report could not be written."""
     recording: list[str] = field(default_factory=list)
     """What is missing in the recording, in sentences."""
+
+    def note_end(self, name: str, exit_code: int, *, asked: bool) -> None:
+        """Note that the process `name` has ended before its time, perhaps because it was `asked` to stop."""
+        self.ended[name] = exit_code
+        self.invalid |= exit_code == ExitCode.INVALID
+        if asked or exit_code == ExitCode.OK:
+            self.stopped.add(name)
+
+    def fate(self, name: str) -> Fate:
+        """Return what became of the process `name`, which has ended."""
+        return STOPPED if name in self.stopped else DIED
+
+    @property
+    def died(self) -> dict[str, int]:
+        """Exit codes of the processes that died, by name."""
+        return {name: code for name, code in self.ended.items() if self.fate(name) == DIED}

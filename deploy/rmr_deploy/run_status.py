@@ -1,21 +1,21 @@
 """What the launcher tells of a run on request: its processes, and how the robots are. `rmr ps` shows it."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from rmr_deploy.preparation import RunPlan
-from rmr_deploy.process_group import Child, how
+from rmr_deploy.process_group import Child
+from rmr_deploy.robot_lives import RobotLives
 from rmr_deploy.status_monitor import StatusMonitor
 
 
 def told_status(
     plan: RunPlan,
     children: Sequence[Child],
-    robots: Mapping[int, Child],
+    lives: RobotLives,
     monitor: StatusMonitor | None,
     *,
-    living: Sequence[int],
     paused: Sequence[str],
     ready_s: float | None,
 ) -> dict[str, Any]:
@@ -30,14 +30,8 @@ def told_status(
         "ready_s": ready_s,
         "time_s": round(monitor.now_s, 3) if monitor is not None and running else None,
         "processes": [_process(child, child.name in paused) for child in children],
-        "robots": [_robot(robot, robots[robot], monitor, robot in living) for robot in plan.lab.roster],
+        "robots": [_robot(robot, lives, monitor) for robot in plan.lab.roster],
     }
-
-
-def ended(child: Child) -> tuple[str, str]:
-    """Return the state of a robot whose process has ended, and how; on request it ends without an error."""
-    code = child.exit_code()
-    return ("died", how(code)) if code else ("stopped", "")
 
 
 def _process(child: Child, is_paused: bool) -> dict[str, Any]:
@@ -52,18 +46,17 @@ def _process(child: Child, is_paused: bool) -> dict[str, Any]:
     }
 
 
-def _robot(robot: int, child: Child, monitor: StatusMonitor | None, lives: bool) -> dict[str, Any]:
-    state = ("starting", "") if monitor is None else monitor.line(robot)
-    if not lives:
-        state = ended(child)
-    elif child.exit_code() is not None:  # it is about to be started again, or somebody has started it by hand
-        state = ("restarting", "") if monitor is None or robot not in monitor.present else state
+def _robot(robot: int, lives: RobotLives, monitor: StatusMonitor | None) -> dict[str, Any]:
+    child = lives.children[robot]
+    _, state, progress = lives.line(robot, monitor)
+    if lives.lives(robot) and child.exit_code() is not None and (monitor is None or robot not in monitor.present):
+        state, progress = "restarting", ""  # and nobody has started it by hand
     number = child.name.partition(".")[2]
     return {
         "robot": robot,
         "process": child.name,
-        "state": state[0],
-        "progress": state[1],
+        "state": state,
+        "progress": progress,
         "restarts": int(number or 0),
         "ticks_late": None if monitor is None else monitor.report(robot).get("ticks_late"),
     }

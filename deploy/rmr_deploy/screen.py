@@ -18,13 +18,14 @@ from rich.table import Table
 from rich.text import Text
 
 from rmr.base.printable import printable
+from rmr_world.quorum import DIED
 from rmr_world.run_report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
 """Measured values such as seconds and metres, which are left out when two lines are compared."""
 
-COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", "died": "bold red"}
-"""Colour of each state: those that robots publish, and ``died``, which the launcher adds."""
+COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", DIED: "bold red"}
+"""Colour of each state: those that robots publish, and the fate that the launcher adds."""
 
 MET_COLOURS = {True: "green", False: "bold red", None: ""}
 
@@ -34,7 +35,7 @@ class RobotLine(NamedTuple):
 
     robot: int
     state: str
-    """``starting``, a state of `rmr.bus.wire.STATES`, or ``died``."""
+    """``starting``, a state of `rmr.bus.wire.STATES`, or a fate of `rmr_world.quorum`."""
     progress: str
     """For people: one short line."""
 

@@ -23,6 +23,8 @@ from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
+from rmr_world.incarnations import with_lost_jobs
+from rmr_world.quorum import DIED, STOPPED, Fate
 
 AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
@@ -125,14 +127,18 @@ class StatusMonitor:
         if not alive:
             self._speakers[wire.WORLD_ID].vanished()
 
-    def retire(self, robot: int) -> None:
+    def fate(self, robot: int) -> Fate:
+        """Return what became of a robot that has left, as far as it has told: one that ends in order says so."""
+        return STOPPED if self.final(robot) and self._state(robot) == "stopped" else DIED
+
+    def retire(self, robot: int, fate: Fate) -> None:
         """Note that the process of `robot` has ended: a token that shows from now on is of its next incarnation."""
         self.present.discard(robot)
         self._speakers[robot].vanished()
         if robot in self._sessions:
             self._dead_sessions.setdefault(robot, set()).add(self._sessions[robot])
         if robot in self._parts:
-            self._past.setdefault(robot, []).append(self._parts.pop(robot))
+            self._past.setdefault(robot, []).append(with_lost_jobs(self._parts.pop(robot), fate))
         self.robots.pop(robot, None)
 
     @property

@@ -15,9 +15,8 @@ from typing import Any
 from rmr_world.bound import FreeTimes, Stream, free_times
 from rmr_world.fact_syntax import TermError, parse_fact
 from rmr_world.lab import Lab
+from rmr_world.quorum import DIED, STOPPED
 
-DIED = "died"
-"""Cause of a job that stays undecided because its robot's process died."""
 PAIRS_MAX = 2500
 """Bound of the product of two families' sizes; beyond it each family is bounded by itself, which is weaker."""
 
@@ -28,12 +27,13 @@ _Reached = dict[tuple[int, int], float]
 
 
 def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int | None:
-    """Return an upper bound of the deadlines that any schedule could meet, without jobs whose process died.
+    """Return an upper bound of the deadlines that any schedule could meet, without jobs whose process ended.
 
     None if no bound is known: some deadline was missed, and the lab gives no job a least time.
     `robots` holds each robot's part of the report; its assertions' `deadline_s` and `start_s` are lab time.
     """
-    jobs = [(at, job) for at in sorted(robots) for job in robots[at].get("assertions", ()) if job.get("cause") != DIED]
+    told = [(at, job) for at in sorted(robots) for job in robots[at].get("assertions", ())]
+    jobs = [(at, job) for at, job in told if job.get("cause") not in (DIED, STOPPED)]
     trips = [(robot, job) for robot, job in jobs if _is_trip(lab, job)]
     met = sum(job.get("met") is True for _, job in jobs)
     if met == len(jobs):

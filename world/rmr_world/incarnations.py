@@ -1,13 +1,13 @@
 """One part of the report for all incarnations of a robot that was restarted.
 
 Counters are summed and lists of actions and jobs are concatenated; facts and the time of finishing are those of the
-last incarnation. A job that was undecided when its process died stays undecided, with the cause `DIED`.
+last incarnation. A job that was undecided when its process ended stays undecided, with the fate of its robot as cause.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from rmr_world.deadline_bound import DIED
+from rmr_world.quorum import DIED, Fate
 
 COUNTED: Final = (
     "actions_failed", "actions_unhandled", "actions_omitted", "assertions_omitted", "expression_failures",
@@ -29,9 +29,9 @@ LOST: Final = "lost_in_restart"
 """Field of the whole: what the ends of the earlier incarnations have lost."""
 
 
-def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `part` of a robot whose process has died, with the cause `DIED` in each undecided job."""
-    jobs = [job | {"cause": DIED} if job["met"] is None else job for job in part.get("assertions", ())]
+def with_lost_jobs(part: Mapping[str, Any], fate: Fate = DIED) -> dict[str, Any]:
+    """Return the `part` of a robot whose process has ended, with its `fate` as the cause in each undecided job."""
+    jobs = [job | {"cause": fate} if job["met"] is None else job for job in part.get("assertions", ())]
     return {**part, "assertions": jobs}
 
 

@@ -4,11 +4,14 @@
     living   every robot that is not dead for good; at least one
     N        any N robots at one time
 
-A robot is dead for good if its process has ended and will not be started again. A dead robot holds no fact.
+A robot is dead for good if its process has ended and will not be started again. A dead robot holds no fact. For people
+it has died or was stopped on purpose: its *fate*.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
+
+from rmr.base.ids import spelled
 
 ALL: Final[Literal["all"]] = "all"
 LIVING: Final[Literal["living"]] = "living"
@@ -17,6 +20,13 @@ Quorum = Literal["all", "living"] | int
 """A number is 1 at least."""
 QUORUM_SCHEMA: Final = {"anyOf": [{"enum": [ALL, LIVING]}, {"type": "integer", "minimum": 1}]}
 """JSON Schema of a quorum."""
+
+Fate = Literal["died", "stopped"]
+DIED: Final[Literal["died"]] = "died"
+STOPPED: Final[Literal["stopped"]] = "stopped"
+"""The robot was asked to stop, or its process ended in good order."""
+
+_Who = TypeVar("_Who")
 
 
 def quorum_value(value: object) -> Quorum:
@@ -47,3 +57,16 @@ def met_at(quorum: Quorum, finishes: Mapping[int, float | None]) -> float | None
     if isinstance(quorum, int):
         return known[quorum - 1] if len(known) >= quorum else None
     return known[-1] if known and len(known) == len(finishes) else None
+
+
+def by_fate(fates: Mapping[_Who, Fate]) -> list[tuple[list[_Who], str]]:
+    """Return those of `fates` who died and those who were stopped, each with its verb; nobody is left out."""
+    died = [who for who, fate in fates.items() if fate == DIED]
+    stopped = [who for who, fate in fates.items() if fate == STOPPED]
+    groups = (died, "died"), (stopped, "were stopped" if len(stopped) > 1 else "was stopped")
+    return [(who, verb) for who, verb in groups if who]
+
+
+def absence(fates: Mapping[int, Fate]) -> str:
+    """Return what became of robots in words, such as ``robots 1-2 died, robot 4 was stopped``; empty if of none."""
+    return ", ".join(f"robot{'s' if len(who) > 1 else ''} {spelled(who)} {verb}" for who, verb in by_fate(fates))

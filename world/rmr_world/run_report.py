@@ -8,7 +8,7 @@ JSON lacks (the gap of a lone robot, the bound of an impossible lab) are null.
 import json
 import math
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from rmr.base.file_errors import naming
 from rmr_world.bound import bound_s
 from rmr_world.deadline_bound import best_possible, least_s
 from rmr_world.lab import Lab
+from rmr_world.quorum import DIED, STOPPED, Fate, absence
 
 REPORT_FILE = "report.json"
 SECONDS_DECIMALS = 3
@@ -176,14 +177,14 @@ class JobRow(NamedTuple):
     """None if undecided, or without a deadline."""
     job: str
     """The finish fact; empty for a robot without a job."""
-    dead: bool = False
-    """Whether the robot's process had ended at the end of the run."""
+    fate: Fate | None = None
+    """What became of a robot whose process had ended at the end of the run."""
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Return the line as texts under COLUMNS."""
         lateness = "-" if self.lateness_s is None else f"{self.lateness_s:+.2f} s"
         met = "-" if self.met is None else "yes" if self.met else "no"
-        finish = "died" if self.dead and self.finish_s is None else _seconds(self.finish_s)
+        finish = self.fate if self.fate and self.finish_s is None else _seconds(self.finish_s)
         return f"@{self.robot}", _seconds(self.deadline_s), finish, lateness, met
 
 
@@ -194,7 +195,7 @@ def _seconds(value: float | None) -> str:
 def rows(report: Mapping[str, Any]) -> list[JobRow]:
     """Return the table's lines, the earliest deadline first."""
     found: list[JobRow] = []
-    dead = frozenset(report.get("dead", ()))
+    fates = _fates(report)
     for name, part in report["robots"].items():
         jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None, "job": ""}]
         for job in jobs:
@@ -202,7 +203,7 @@ def rows(report: Mapping[str, Any]) -> list[JobRow]:
             finish = job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
             robot = int(name)
-            found.append(JobRow(robot, deadline, finish, lateness, job["met"], job["job"], robot in dead))
+            found.append(JobRow(robot, deadline, finish, lateness, job["met"], job["job"], fates.get(robot)))
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
 
 
@@ -223,17 +224,17 @@ def summary(report: Mapping[str, Any]) -> str:
     gap = "-" if report["min_gap_m"] is None else f"{report['min_gap_m'] * 1000:.0f} mm"
     deadlines = report["deadlines"]
     judged = deadlines["met"] + deadlines["missed"]
+    absent = absence(_fates(report))
     return (
         f"{report['lab']}: {state} after {report['time_s']:.2f} s{bound}, deadlines met {deadlines['met']} of "
-        f"{judged}, contacts {report['collisions']}, smallest gap {gap}{_died(report.get('dead', ()))}"
+        f"{judged}, contacts {report['collisions']}, smallest gap {gap}{'; ' if absent else ''}{absent}"
     )
 
 
-def _died(dead: Sequence[int]) -> str:
-    """Return a clause that names the robots that died and were not started again; empty if there are none."""
-    if not dead:
-        return ""
-    return f"; robot{'s' if len(dead) > 1 else ''} {', '.join(map(str, dead))} died"
+def _fates(report: Mapping[str, Any]) -> dict[int, Fate]:
+    """Return what became of the robots whose process had ended when the run was over."""
+    stopped = report.get("stopped", ())
+    return {robot: STOPPED if robot in stopped else DIED for robot in report.get("dead", ())}
 
 
 def table_text(report: Mapping[str, Any]) -> str:

@@ -211,7 +211,7 @@ def test_robot_that_was_killed_and_restarted_counts_as_itself_and_the_run_waits_
     assert rmr("down").exit_code == 0
     run.wait()
     report = run.report()
-    assert report["died"] == {"robot-1": -9, "robot-1.1": 0}
+    assert report["died"] == {"robot-1": -9}, "the second was stopped"
     assert report["dead"] == []
     assert [sorted(entry)[1] for entry in report["faults"]] == ["kill", "restart", "restart"]
     told = [one for one in rmr("events", "--json", "--run", "run-standin").stdout.splitlines() if '"request"' in one]
@@ -285,7 +285,7 @@ def test_finish_of_a_restarted_robot_is_waited_for_and_the_exit_code_is_0(start,
     report = run.report()
     assert report["finished"]
     assert report["dead"] == []
-    assert report["reason"].startswith("every robot holds the finish fact; robot-1 died on the way and was started")
+    assert report["reason"].startswith("every robot holds the finish fact; robot-1 was stopped on the way and came")
 
 
 def test_robot_that_does_not_stop_is_killed_and_the_run_ends_with_the_last_robot(start):
@@ -296,7 +296,7 @@ def test_robot_that_does_not_stop_is_killed_and_the_run_ends_with_the_last_robot
     answer = rmr("stop", "--timeout", "0.2", "2")
     assert (answer.exit_code, answer.stderr) == (0, "robot 2 did not stop in 0.2 s and was killed\n")
     run.wait()
-    assert run.report()["reason"] == "robot-1, robot-2 died", "no robot was left"
+    assert run.report()["reason"] == "robot-1, robot-2 were stopped", "no robot was left"
 
 
 def test_paused_robot_is_held_until_it_is_unpaused(start):
@@ -335,7 +335,11 @@ def test_robot_that_was_killed_by_a_person_is_not_started_again_by_the_policy(st
     rmr("kill", "1")
     rmr("stop", "2")
     assert run.wait() == 1
-    assert run.report()["died"] == {"robot-1": -9, "robot-2": 0}
+    report = run.report()
+    assert (report["died"], report["dead"], report["stopped"]) == ({"robot-1": -9}, [1, 2], [2])
+    assert report["reason"] == "robot-1 died, robot-2 was stopped"
+    assert "; robot 1 died, robot 2 was stopped\n" in run.said, "the summary"
+    assert [line.split()[2] for line in run.said.splitlines() if line.startswith("   @")] == ["died", "stopped"]
 
 
 # --- what robots use and hold

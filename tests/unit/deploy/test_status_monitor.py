@@ -7,6 +7,7 @@ from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr_deploy import status_monitor
 from rmr_deploy.status_monitor import SESSIONS_MAX, SILENT_S, StatusMonitor
+from rmr_world.quorum import DIED, STOPPED
 
 KEYS = Keys("dash")
 
@@ -32,10 +33,10 @@ class Launcher:
     def token(self, *, there):
         self.tokens[KEYS.alive("robot", "*")](KEYS.alive("robot", 1), there)
 
-    def says(self, run, sender=1, state="running"):
+    def says(self, run, sender=1, state="running", *, final=False):
         """Let a session say something; return whether it is believed."""
         self.number += 1
-        said = wire.Status(state, f"{run}, {self.number}", False, False, seconds(1), {})
+        said = wire.Status(state, f"{run}, {self.number}", False, final, seconds(1), {})
         self.handlers[KEYS.statuses](KEYS.status(sender), wire.Envelope(sender, run, self.number, said))
         held = self.monitor.world if sender < 0 else self.monitor.robots.get(sender)
         return held is not None and held.progress == said.progress
@@ -63,7 +64,7 @@ def test_a_successor_is_believed_when_the_token_has_vanished_and_the_predecessor
 def test_a_robot_that_was_restarted_by_its_launcher_is_believed_at_once(monkeypatch):
     launcher = Launcher(monkeypatch)
     assert launcher.says(7)
-    launcher.monitor.retire(1)
+    launcher.monitor.retire(1, DIED)
     launcher.token(there=True)
     assert launcher.says(8)
     assert not launcher.says(7)
@@ -95,3 +96,11 @@ def test_the_time_is_told_by_those_who_are_there(monkeypatch):
     launcher.says(8, sender=9)
     launcher.monitor.robots[9] = launcher.monitor.robots[9]._replace(stamp=1 << 60)
     assert launcher.monitor.now == seconds(1)
+
+
+def test_a_robot_that_has_left_was_stopped_if_it_said_so_and_has_died_otherwise(monkeypatch):
+    for state, final, fate in (("running", False, DIED), ("failed", True, DIED), ("stopped", True, STOPPED)):
+        launcher = Launcher(monkeypatch)
+        assert launcher.says(7, state=state, final=final)
+        launcher.token(there=False)
+        assert launcher.monitor.fate(1) == fate

@@ -108,6 +108,14 @@ def test_the_table_is_in_order_of_deadline():
     ]
 
 
+def test_a_robot_that_was_stopped_is_told_apart_from_one_that_died():
+    lost = report_of(dead=[1, 2, 3, 5]) | {"stopped": [5]}
+    assert summary(lost).endswith("; robots 1-3 died, robot 5 was stopped")
+    unfinished = report_of(robots={1: part(1, None, 32.0), 2: part(2, None, 26.0)}, dead=[1, 2]) | {"stopped": [1]}
+    assert [row[2] for row in table_rows(unfinished)] == ["died", "stopped"]
+    assert summary(unfinished | {"stopped": [1, 2]}).endswith("; robots 1-2 were stopped")
+
+
 def test_a_robot_without_a_deadline_has_a_line_too():
     line = rows(report_of(robots={1: {"finish_s": 3.0}}))[0]
     assert line.cells() == ("@1", "-", "3.00 s", "-", "-")
