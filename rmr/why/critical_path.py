@@ -10,7 +10,7 @@ A job that never finished is followed from its deadline on: from the action unde
 on its way to the robot, else from what happened to it last.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from rmr.base.time import Instant, milliseconds
@@ -31,6 +31,7 @@ from rmr.why.robot_history import (
     EventCause,
     RobotHistory,
     TimedFiring,
+    TurnGate,
 )
 from rmr.why.turn_order import waits_behind
 
@@ -159,12 +160,12 @@ class CriticalPath:
         self._found.extend(reversed(parts))
         self._cursor = since
 
-    def _cover_turn(self, since: Instant, robot: int, group: str | None) -> None:
+    def _cover_turn(self, since: Instant, robot: int, gates: Sequence[TurnGate]) -> None:
         """Give the time to those who are ahead of the robot, one after the other."""
         since = max(since, self._begin)
         if since >= self._cursor:
             return
-        for wait in reversed(waits_behind(self._histories, robot, group, since, self._cursor)):
+        for wait in reversed(waits_behind(self._histories, robot, gates, since, self._cursor)):
             self._cover(wait.begin, TimeOwner.TURN, robot, wait.whom, wait.detail)
 
     def _cover_drive(self, since: Instant, robot: int, span: ActionSpan) -> None:
@@ -176,7 +177,7 @@ class CriticalPath:
     def _cover_motion(self, begin: Instant, robot: int, span: ActionSpan, state: MotionState) -> None:
         why = state.why
         if state.motion is Motion.GATED:
-            self._cover_turn(begin, robot, span.gated_by)
+            self._cover_turn(begin, robot, span.gates)
         elif state.motion is Motion.STANDS and why.rule == "queue":
             self._cover(begin, TimeOwner.QUEUE, robot, why.robots, f"{why.rule}: {span.text}")
         elif state.motion is Motion.STANDS:
@@ -264,7 +265,7 @@ class CriticalPath:
         """From a sensed fact to the drive that brought it about."""
         history = self._histories[robot]
         if self._program.predicates[change.predicate].name == "turn":
-            self._cover_turn(self._begin, robot, None)
+            self._cover_turn(self._begin, robot, ())
             return None
         for span in reversed(history.actions):
             started = span.started
@@ -301,7 +302,7 @@ class CriticalPath:
             self._cover(span.started, TimeOwner.ACTION, robot, (), span.text)
         for since, what in reversed(span.waits):
             if what == "held":
-                self._cover_turn(since, robot, span.gated_by)
+                self._cover_turn(since, robot, span.gates)
             else:
                 self._wheels_taken(since, robot, span)
         self._cover(span.derived, TimeOwner.ACTION, robot, (), span.text)
@@ -349,7 +350,7 @@ class CriticalPath:
         before = [span for span in history.actions if span.cause.kind != CauseKind.MISSED or span.derived < at]
         active = [span for span in before if span.derived <= at < span.ended]
         if active:
-            drives = [span for span in active if span.wheels or span.gated_by is not None]
+            drives = [span for span in active if span.wheels or span.gates]
             chosen = (drives or active)[-1]
             return lambda: self._action(robot, chosen)
         under_way = on_their_way(self._histories, robot, at)

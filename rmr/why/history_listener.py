@@ -13,7 +13,9 @@ from rmr.coord.events import ScheduleChanged
 from rmr.node import payloads
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.config import NodeConfig
+from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.phases import Preparing
 from rmr.node.driver import Driver
 from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
 from rmr.node.motion.hindrance import Hindrance
@@ -59,6 +61,7 @@ from rmr.why.robot_history import (
     PassageSpan,
     RobotHistory,
     TimedFiring,
+    TurnGate,
 )
 from rmr.why.true_places import TruePlaces
 
@@ -118,8 +121,9 @@ class HistoryListener:
         self._settled: dict[int, DeliveryKey] = {}
         """The delivery to each robot that was acknowledged or given up last."""
         self._ended: int | None = None
-        self._groups: dict[bytes, str] = {}
-        self._inside: dict[str, Instant] = {}
+        self._groups: dict[str, bytes] = {}
+        """What the trace calls a resource -> those that contend for it."""
+        self._inside: dict[str, tuple[bytes, Instant]] = {}
 
     # -- the life of a process --------------------------------------------------------------------------------
 
@@ -200,7 +204,7 @@ class HistoryListener:
         for entry in entries[first:]:
             if entry["what"] == "entered":
                 self._leave(entry["event"], now)
-                self._inside[entry["event"]] = now
+                self._inside[entry["event"]] = self._group(entry["event"], node), now
             elif entry["what"] in ("left", "slot_lost"):
                 self._leave(entry["event"], now)
             elif entry["what"] == "asks" and node.crossings.current is not None:
@@ -213,10 +217,16 @@ class HistoryListener:
         if entries:
             self._last_entry = entries[-1]
 
-    def _leave(self, group: str, now: Instant) -> None:
-        entered = self._inside.pop(group, None)
-        if entered is not None:
-            self.history.passages.append(PassageSpan(group, entered, now))
+    def _group(self, told: str, node: WatchedNode) -> bytes:
+        """Return the group of a resource of which the trace tells, that of an event, a station or a passage."""
+        current = node.crossings.current
+        if current is not None and current.told == told:
+            return current.group_id
+        return self._groups.get(told, told.encode())
+
+    def _leave(self, told: str, now: Instant) -> None:
+        if told in self._inside:
+            self.history.passages.append(PassageSpan(*self._inside.pop(told), now))
 
     def _name_sent(self, entry: dict[str, Any]) -> None:
         """Give the oldest delivery to a robot that has no text yet its text."""
@@ -234,9 +244,17 @@ class HistoryListener:
                     continue
                 span = self.history.actions[index]
                 crossing = node.crossings.crossing(running)
-                span.gated_by = None if crossing is None else crossing.job.event
+                if crossing is not None:
+                    self._take_gate(now, span, crossing)
                 if what and (not span.waits or span.waits[-1][1] != what):
                     span.waits.append((now, what))
+
+    def _take_gate(self, now: Instant, span: ActionSpan, crossing: Crossing) -> None:
+        """Note by which turn an action goes now, if it is another one than before."""
+        self._groups[crossing.told] = crossing.group_id
+        gate = TurnGate(now, crossing.group_id, not isinstance(crossing.phase, Preparing))
+        if not span.gates or span.gates[-1][1:] != gate[1:]:
+            span.gates.append(gate)
 
     # -- the provenance log -----------------------------------------------------------------------------------
 
@@ -328,13 +346,11 @@ class HistoryListener:
             case Spoken():
                 self._spoken(now, event)
             case ScheduleChanged(group_id=group_id, leader=leader, order=order):
-                name = node.crossings.name_of(group_id)
-                group = self._groups.get(group_id, group_id.hex() if name is None else str(name))
-                self.history.orders.append(KnownOrder(now, group, leader, order))
+                self.history.orders.append(KnownOrder(now, group_id, leader, order))
 
     def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:
         jobs = self.history.jobs
-        self._groups[node.crossings.group_of(event.job)] = event.job.event
+        self._groups[event.job.event] = node.crossings.group_of(event.job)
         known = [index for index, (job, _) in enumerate(jobs) if job is event.job]
         if not known:
             jobs.append((event.job, None))

@@ -69,6 +69,16 @@ class Change(NamedTuple):
     text: str
 
 
+class TurnGate(NamedTuple):
+    """From when on an action went by the turn of a resource."""
+
+    at: Instant
+    group: bytes
+    """Names those that contend for the resource, of all robots alike."""
+    asked: bool
+    """Whether the robot had asked for a turn."""
+
+
 @dataclass(slots=True)
 class ActionSpan:
     """One derived action."""
@@ -79,11 +89,11 @@ class ActionSpan:
     order: int
     cause: EventCause
     wheels: bool
-    gated_by: str | None = None
-    """The group for whose turn it waited, in words; None: it needed none."""
     started: Instant | None = None
     ended: Instant = NEVER
     failure: str | None = None
+    gates: list[TurnGate] = field(default_factory=list)
+    """The resources for whose turn it waited, one after the other; empty if it needed none."""
     waits: list[tuple[Instant, str]] = field(default_factory=list)
     """Before its start, from when on it was ``held`` (for its turn) or ``queued`` (for the wheels)."""
 
@@ -116,7 +126,7 @@ class LostDelivery(NamedTuple):
 class PassageSpan(NamedTuple):
     """The robot used a shared resource."""
 
-    group: str
+    group: bytes
     entered: Instant
     left: Instant
 
@@ -125,7 +135,7 @@ class KnownOrder(NamedTuple):
     """A schedule became known to the robot."""
 
     at: Instant
-    group: str
+    group: bytes
     leader: int
     robots: tuple[int, ...]
 

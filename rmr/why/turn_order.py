@@ -1,17 +1,24 @@
 """Behind whom a robot waits for its turn: its wait, cut into one interval for each robot ahead.
 
 At each instant it waits for the robot that has entered last and is still inside; while nobody is inside, for the next
-of the schedule that is still to come; and where none is ahead, for the schedule itself or for its own slot.
+of the schedule that is still to come; and where none is ahead, for its own slot. As long as no schedule that it knows
+names it, those hold the resource that have slots by the newest schedule that anybody knows, and are yet to pass.
+
+The resource is that of the group by which the action goes at that instant: a drive asks at one passage after the other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 from rmr.base.time import Instant
-from rmr.why.robot_history import KnownOrder, PassageSpan, RobotHistory
+from rmr.why.robot_history import KnownOrder, RobotHistory, TurnGate
 
-NO_SCHEDULE = "no schedule named the robot yet"
+NOT_ASKED = "it had not asked for a turn yet"
+NO_SCHEDULE = "nobody had a schedule yet; "
+NOT_NAMED = "with slots while no schedule named the robot yet"
+ONLY_PASSED = "no schedule named the robot yet; all that had slots had passed"
+NOT_HEARD = "a schedule named the robot; it had not heard of that yet"
 OWN_SLOT = "first in the schedule; its slot had not begun"
 
 
@@ -21,48 +28,93 @@ class Wait(NamedTuple):
     begin: Instant
     end: Instant
     whom: tuple[int, ...]
-    """The robot ahead; none where nobody is."""
+    """The robots ahead; none where nobody is."""
     detail: str
 
 
 def waits_behind(
-    histories: Mapping[int, RobotHistory], robot: int, group: str | None, begin: Instant, end: Instant
+    histories: Mapping[int, RobotHistory], robot: int, gates: Sequence[TurnGate], begin: Instant, end: Instant
 ) -> list[Wait]:
-    """Return the parts of the wait of `robot` for its turn in `group`, in the order of time, without gap."""
-    passages = [
-        (history.robot, passage)
-        for history in histories.values()
-        if history.robot != robot
-        for passage in history.passages
-        if group in (None, passage.group)
-    ]
-    orders = [order for order in histories[robot].orders if group in (None, order.group)]
-    edges = {begin, end}
-    edges.update(order.at for order in orders)
-    for _, passage in passages:
-        edges.update((passage.entered, passage.left))
-    inside = sorted(edge for edge in edges if begin <= edge <= end)
+    """Return the parts of the wait of `robot` for its turn, in the order of time, without gap.
+
+    `gates` are those by which its action went, in the order of time; without any, all groups are one.
+    """
+    edges = sorted({begin, end, *(gate.at for gate in gates if begin < gate.at < end)})
     parts: list[Wait] = []
-    for since, until in pairwise(inside):
-        whom, detail = _behind(robot, since, passages, orders)
-        if parts and parts[-1][2:] == (whom, detail):
-            parts[-1] = parts[-1]._replace(end=until)
+    for since, until in pairwise(edges):
+        gate = next((gate for gate in reversed(gates) if gate.at <= since), gates[0] if gates else None)
+        parts += _Turn(histories, robot, gate).waits(since, until)
+    return _joined(parts)
+
+
+def _joined(parts: Sequence[Wait]) -> list[Wait]:
+    joined: list[Wait] = []
+    for part in parts:
+        if joined and joined[-1][2:] == part[2:]:
+            joined[-1] = joined[-1]._replace(end=part.end)
         else:
-            parts.append(Wait(since, until, whom, detail))
-    return parts
+            joined.append(part)
+    return joined
 
 
-def _behind(
-    robot: int, at: Instant, passages: list[tuple[int, PassageSpan]], orders: list[KnownOrder]
-) -> tuple[tuple[int, ...], str]:
-    """Return behind whom `robot` waits at an instant, and what that one does."""
-    inside = [(passage.entered, other) for other, passage in passages if passage.entered <= at < passage.left]
-    if inside:
-        return (max(inside)[1],), "inside"
-    known = [order for order in orders if order.at <= at]
-    order = known[-1] if known else None
-    if order is None or robot not in order.robots:
-        return (), NO_SCHEDULE
-    passed = {other for other, passage in passages if order.at <= passage.left <= at}
-    ahead = [other for other in order.robots[: order.robots.index(robot)] if other not in passed]
-    return ((ahead[0],), "yet to enter") if ahead else ((), OWN_SLOT)
+class _Turn:
+    """What is known of one resource for which a robot waits."""
+
+    def __init__(self, histories: Mapping[int, RobotHistory], robot: int, gate: TurnGate | None) -> None:
+        self._histories = histories
+        self._robot = robot
+        self._gate = gate
+        others = [history for history in histories.values() if history.robot != robot]
+        self._passages = [
+            (history.robot, span) for history in others for span in history.passages if self._here(span.group)
+        ]
+        self._orders = [order for order in histories[robot].orders if self._here(order.group)]
+
+    def _here(self, group: bytes) -> bool:
+        return self._gate is None or self._gate.group == group
+
+    def waits(self, begin: Instant, end: Instant) -> list[Wait]:
+        """Return the parts of the wait from `begin` to `end`."""
+        edges = {order.at for order in self._orders}
+        for _, passage in self._passages:
+            edges.update((passage.entered, passage.left))
+        parts: list[Wait] = []
+        for since, until in pairwise(_between(edges, begin, end)):
+            inside = [(span.entered, other) for other, span in self._passages if span.entered <= since < span.left]
+            order = next((order for order in reversed(self._orders) if order.at <= since), None)
+            if inside:
+                parts.append(Wait(since, until, (max(inside)[1],), "inside"))
+            elif order is not None and self._robot in order.robots:
+                ahead = self._ahead(order, order.robots.index(self._robot), since)
+                parts.append(Wait(since, until, ahead[:1], "yet to enter" if ahead else OWN_SLOT))
+            elif self._gate is not None and not self._gate.asked:
+                parts.append(Wait(since, until, (), NOT_ASKED))
+            else:
+                parts += self._unnamed(since, until)
+        return parts
+
+    def _ahead(self, order: KnownOrder, places: int, at: Instant) -> tuple[int, ...]:
+        """Return the robots in the first `places` of a schedule that have not passed since it was known."""
+        passed = {other for other, passage in self._passages if order.at <= passage.left <= at}
+        return tuple(other for other in order.robots[:places] if other not in passed)
+
+    def _unnamed(self, begin: Instant, end: Instant) -> list[Wait]:
+        """Return the parts of a wait in which no schedule that the robot knows names it."""
+        known = [order for history in self._histories.values() for order in history.orders if self._here(order.group)]
+        known.sort(key=lambda order: order.at)
+        parts = []
+        for since, until in pairwise(_between({order.at for order in known}, begin, end)):
+            order = next((order for order in reversed(known) if order.at <= since), None)
+            if order is None:
+                made = f"robot {known[0].leader} made the first one" if known else "none was made"
+                parts.append(Wait(since, until, (), NO_SCHEDULE + made))
+            elif self._robot in order.robots:
+                parts.append(Wait(since, until, (), NOT_HEARD))
+            else:
+                ahead = self._ahead(order, len(order.robots), since)
+                parts.append(Wait(since, until, ahead, NOT_NAMED if ahead else ONLY_PASSED))
+        return parts
+
+
+def _between(edges: set[Instant], begin: Instant, end: Instant) -> list[Instant]:
+    return sorted({begin, end, *(edge for edge in edges if begin < edge < end)})

@@ -4,7 +4,13 @@ import json
 
 import pytest
 from command_runner import invoke
+from delay_runs import LABS
 
+from rmr.base.time import seconds
+from rmr.record.recording import open_recording
+from rmr.why.critical_path import explained
+from rmr.why.delay_owner import TimeOwner
+from rmr.why.delay_source import run_history
 from rmr_deploy.why_program import why_command
 from rmr_sim.main import main as simulate
 
@@ -61,3 +67,14 @@ waited(R) -o [min C => Best | bid(R, B, C) | award(R, B)]. award(R, B) -o won(R,
     found = owners(tmp_path, program)
     assert found[0] == ("rule", "no rule fired after the one at two.rmr:5, which found nothing")
     assert found[1] == ("action", "wait(@1, 1.0)")
+
+
+def test_the_time_for_a_turn_at_a_passage_is_that_of_the_robots_before(tmp_path):
+    """A drive asks in the groups of the passages on its way, one after the other, not in that of its job's event."""
+    simulate([str(LABS / "warehouse"), "--run", str(tmp_path)])
+    known = run_history(open_recording(tmp_path / "run.mcap"))
+    jobs = [(robot, job) for robot, history in known.robots.items() for job, _ in history.jobs]
+    delays = [explained(known.robots, known.program, known.attempts, robot, job) for robot, job in jobs]
+    turns = [each for delay in delays for each in delay.intervals if each.owner is TimeOwner.TURN]
+    behind = sum(each.duration for each in turns if each.whom)
+    assert behind > 0.8 * sum(each.duration for each in turns) > seconds(100)

@@ -4,10 +4,11 @@ from rmr.base.time import NEVER, milliseconds, seconds
 from rmr.why.delay_owner import Interval, TimeOwner
 from rmr.why.interval_parts import cut_at, deaths, merged, without
 from rmr.why.radio_time import Attempt, radio_time
-from rmr.why.robot_history import CauseKind, DeliverySpan, EventCause, KnownOrder, PassageSpan, RobotHistory
-from rmr.why.turn_order import NO_SCHEDULE, OWN_SLOT, waits_behind
+from rmr.why.robot_history import CauseKind, DeliverySpan, EventCause, KnownOrder, PassageSpan, RobotHistory, TurnGate
+from rmr.why.turn_order import NOT_ASKED, NOT_HEARD, NOT_NAMED, ONLY_PASSED, OWN_SLOT, waits_behind
 
-GROUP = "crossing(exit)"
+GROUP = b"exit"
+GATES = (TurnGate(0, GROUP, True),)
 KEY = (1, 2, 0, 7)
 
 
@@ -21,14 +22,14 @@ def histories(order=(2, 3, 1), **entered):
     return robots
 
 
-def waits(robots, begin, end):
-    found = waits_behind(robots, 1, GROUP, seconds(begin), seconds(end))
+def waits(robots, begin, end, gates=GATES):
+    found = waits_behind(robots, 1, gates, seconds(begin), seconds(end))
     return [(each.begin / 1e9, each.end / 1e9, each.whom, each.detail) for each in found]
 
 
 def test_wait_for_a_turn_has_an_interval_for_each_robot_ahead_in_their_order():
     assert waits(histories(r2=(4, 6), r3=(5, 8)), 0, 8) == [
-        (0, 1, (), NO_SCHEDULE),
+        (0, 1, (), "nobody had a schedule yet; robot 2 made the first one"),
         (1, 4, (2,), "yet to enter"),
         (4, 5, (2,), "inside"),
         (5, 8, (3,), "inside"),
@@ -47,13 +48,39 @@ def test_first_robot_of_a_schedule_waits_for_its_own_slot():
     assert waits(histories(order=(1, 2, 3)), 2, 4) == [(2, 4, (), OWN_SLOT)]
 
 
-def test_robot_outside_of_the_schedule_waits_for_one_that_names_it():
-    assert waits(histories(order=(2, 3)), 2, 4) == [(2, 4, (), NO_SCHEDULE)]
+def test_robot_outside_of_the_schedule_waits_behind_those_that_have_slots():
+    assert waits(histories(order=(2, 3), r3=(3, 4), r2=(5, 6)), 2, 8) == [
+        (2, 3, (2, 3), NOT_NAMED),
+        (3, 4, (3,), "inside"),
+        (4, 5, (2,), NOT_NAMED),
+        (5, 6, (2,), "inside"),
+        (6, 8, (), ONLY_PASSED),
+    ]
+
+
+def test_robot_that_has_heard_of_no_schedule_waits_by_those_that_others_have():
+    robots = histories(order=())
+    assert waits(robots, 0, 2) == [(0, 2, (), "nobody had a schedule yet; none was made")]
+    robots[2].orders += [KnownOrder(seconds(1), GROUP, 3, (3,)), KnownOrder(seconds(4), GROUP, 3, (3, 1))]
+    assert waits(robots, 0, 6) == [
+        (0, 1, (), "nobody had a schedule yet; robot 3 made the first one"),
+        (1, 4, (3,), NOT_NAMED),
+        (4, 6, (), NOT_HEARD),
+    ]
+
+
+def test_robot_that_asks_at_one_resource_after_the_other_waits_at_each_behind_those_of_its_group():
+    robots = histories(order=(2, 1), r2=(3, 9))
+    robots[3].passages.append(PassageSpan(b"north", 0, seconds(20)))
+    gates = (TurnGate(0, b"north", False), TurnGate(seconds(1), b"north", True), TurnGate(seconds(4), GROUP, True))
+    assert waits(robots, 2, 12, gates) == [(2, 4, (3,), "inside"), (4, 9, (2,), "inside"), (9, 12, (), OWN_SLOT)]
+    robots[3].passages.clear()
+    assert waits(robots, 0, 1, gates) == [(0, 1, (), NOT_ASKED)]
 
 
 def test_passage_of_another_group_is_nobody_ahead():
     robots = histories(order=(1,))
-    robots[2].passages.append(PassageSpan("charging(dock)", seconds(1), seconds(9)))
+    robots[2].passages.append(PassageSpan(b"dock", seconds(1), seconds(9)))
     assert waits(robots, 2, 4) == [(2, 4, (), OWN_SLOT)]
 
 
