@@ -37,7 +37,7 @@ from rmr_world.incarnations import merged_report
 from rmr_world.lab import Lab
 from rmr_world.missed_hint import missed_hint, view_hint
 from rmr_world.quorum import ALL, STOPPED, met_at
-from rmr_world.run_warnings import run_warnings, unhandled_failures
+from rmr_world.run_warnings import run_warnings, unhandled_failures, unsendable_facts
 
 
 def perform(options: RunOptions, background: DetachedOutput | None = None) -> int:
@@ -141,7 +141,7 @@ def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -
         return ExitCode.INVALID
     if not outcome.finished or (set(outcome.ended) - outcome.excused and record["quorum"] == ALL):
         return ExitCode.FAILED
-    if unhandled_failures(record):
+    if unhandled_failures(record) or unsendable_facts(record):
         return ExitCode.FAILED
     imperfect = record["deadlines"]["missed"] or record["collisions"]
     return ExitCode.STRICT if strict and imperfect else ExitCode.OK

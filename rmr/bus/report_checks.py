@@ -36,6 +36,7 @@ PART: Final[dict[str, Check]] = {
     "resumed": flag,
     "expression_failures": count,
     "undelivered": count,
+    "unsendable": count,
     "frames": by_name(count),
     "ticks": count,
     "ticks_late": count,

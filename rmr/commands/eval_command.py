@@ -156,7 +156,7 @@ def _evaluate(
         interrupted = _run(run, until)
     _conclude(run, until, interrupted)
     _print(run, one_line)
-    return ExitCode.FAILED if interrupted or run.oversized else ExitCode.OK
+    return ExitCode.FAILED if interrupted or run.unsendable else ExitCode.OK
 
 
 command = Command(ABOUT, _declare, _evaluate)

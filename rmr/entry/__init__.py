@@ -29,8 +29,9 @@ class ExitCode(IntEnum):
 MEANINGS = {
     ExitCode.OK: "fine",
     ExitCode.FAILED: (
-        "it ran and failed: not finished in time, an action of your own failed and declares no `else`, a process died, "
-        "an endpoint in use, a robot's id taken"
+        "it ran and failed: not finished in time, an action of your own failed and declares no `else`, a fact for "
+        "another robot was dropped because it is too large to be sent, a process died, an endpoint in use, a robot's "
+        "id taken"
     ),
     ExitCode.USAGE: (
         "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; "

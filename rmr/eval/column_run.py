@@ -120,9 +120,9 @@ class ColumnRun:
             yield self._robots[place], iter([satisfied(int(firings[place]), text)])
 
     @property
-    def oversized(self) -> bool:
-        """Whether something was too large to be sent: never, what may be is run by nodes."""
-        return False
+    def unsendable(self) -> int:
+        """How many facts no frames can carry: none, what may be so is run by nodes."""
+        return 0
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return nothing: what could be dropped on the way is not there."""

@@ -40,7 +40,6 @@ from rmr.eval.given import Given, Insertion, facts_by_owner, values
 from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
-from rmr.node.payloads import TOO_LARGE
 from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.vm.engines import Engine
@@ -281,9 +280,11 @@ class Ensemble:
         return ((robot, outstanding(hosted)) for robot, hosted in self.robots.items() if not hosted.idle)
 
     @property
-    def oversized(self) -> bool:
-        """Whether something was too large to be sent, and was dropped."""
-        return any(TOO_LARGE in why for *_, why in self.undelivered)
+    def unsendable(self) -> int:
+        """How many facts, goals and actions no frames can carry; they were dropped."""
+        hosted = self.robots.values()
+        past = sum(int(life.get("unsendable", 0)) for one in hosted for life in one.past)
+        return past + sum(one.node.messenger.deliveries.unsendable for one in hosted)
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return the warnings of the run, by kind."""

@@ -101,8 +101,8 @@ class EvaluatedRun(Protocol):
         """Yield the robots that are not idle, with what each has yet to do."""
 
     @property
-    def oversized(self) -> bool:
-        """Whether something was too large to be sent, and was dropped."""
+    def unsendable(self) -> int:
+        """How many facts, goals and actions no frames can carry; they were dropped."""
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return what is to be said beside the report, by kind."""
@@ -184,13 +184,15 @@ def _died(part: dict[str, Any]) -> dict[str, Any]:
 def _life(hosted: HostedNode) -> dict[str, Any]:
     node = hosted.node
     aside = node.machine.set_aside()
+    deliveries = node.messenger.deliveries
     return {
         "facts": node.machine.facts(),
         **({"set_aside": aside} if aside else {}),
         "goals": node.machine.goals(),
         "actions": [[at, text] for at, text in node.services.action_log],
         "assertions": [job_entry(job) for job in node.machine.jobs],
-        "undelivered": node.messenger.deliveries.undelivered,
+        "undelivered": deliveries.undelivered,
+        **({"unsendable": deliveries.unsendable} if deliveries.unsendable else {}),
         "expression_failures": node.machine.expression_failures,
     }
 

@@ -27,6 +27,10 @@ class WireError(ValueError):
     """A payload that no robot of this program could have sent, or a value that no payload can hold."""
 
 
+class UnsendableError(WireError):
+    """A delivery that no frames can carry, whatever the radio: it is too large, or nested too deep."""
+
+
 class PayloadKind(IntEnum):
     """First octet of a payload."""
 
@@ -191,10 +195,6 @@ def addressed(frame: bytes, to: int) -> bytes:
     return frame[:1] + to.to_bytes(2, "big") + frame[3:]
 
 
-TOO_LARGE: Final = "is too large"
-"""What is said of a delivery that fragments cannot carry."""
-
-
 def encode_fact_frames(
     to: int, epoch: int, sequence: int, body: bytes, payload_max: int = PAYLOAD_OCTETS_MAX
 ) -> list[bytes]:
@@ -204,7 +204,7 @@ def encode_fact_frames(
     piece = payload_max - _FRAGMENT.size
     pieces = [body[i : i + piece] for i in range(0, len(body), piece)]
     if len(pieces) > PARTS_MAX:
-        raise WireError(f"a fact of {len(body)} octets {TOO_LARGE}: at most {PARTS_MAX * piece} octets")
+        raise UnsendableError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * piece} octets")
     return [
         _FRAGMENT.pack(PayloadKind.FRAGMENT, to, epoch & 0xFF, sequence, part, len(pieces)) + piece
         for part, piece in enumerate(pieces)
@@ -328,7 +328,7 @@ def encode_delivery(delivery: Delivery, symbols: Mapping[str, int]) -> bytes:
 
 def _length(value: int) -> bytes:
     if value > LENGTH_MAX:
-        raise WireError(f"a value of {value} octets or items is too long: at most {LENGTH_MAX}")
+        raise UnsendableError(f"a value of {value} octets or items is too long: at most {LENGTH_MAX}")
     return struct.pack(">H", value)
 
 
@@ -344,7 +344,7 @@ def _encode_value(out: bytearray, value: Value, symbols: Mapping[str, int], dept
     elif isinstance(value, str):
         _encode_text(out, value, symbols)
     elif depth >= LIST_DEPTH_MAX:
-        raise WireError("lists nested too deep")
+        raise UnsendableError("lists nested too deep")
     else:
         out += bytes((_Tag.LIST,)) + _length(len(value))
         for item in value:

@@ -124,6 +124,7 @@ def robot_report(node: ReportedNode, radio: dict[str, int], restarts: int = 0) -
         "unsaved": unsaved(node, facts),
         "expression_failures": node.machine.expression_failures + node.runner.expression_failures,
         "undelivered": deliveries.undelivered,
+        **({"unsendable": deliveries.unsendable} if deliveries.unsendable else {}),
         "first_undelivered": None if deliveries.first_undelivered is None else list(deliveries.first_undelivered),
         "frames": radio,
         "ticks": node.executive.frames_due,

@@ -239,4 +239,8 @@ def test_a_fact_that_is_too_large_to_be_sent_ends_the_command_with_1(bench):
     result = bench.call(bench.file("p.rmr", TOO_LARGE), "--robots", "2")
     assert result.exit_code == 1
     assert "`big` of robot 1 did not reach robot 2: a fact of 9007 octets is too large" in result.stderr
+    nested = "[" * 10 + "1" + "]" * 10
+    deep = f"type deep(robot, {'list ' * 10}int). a(@1). a(R), peer(R, B) -o deep(B, {nested}). deep(R, _) -o got(R)."
+    result = bench.call(bench.file("deep.rmr", deep), "--robots", "2")
+    assert (result.exit_code, "lists nested too deep" in result.stderr) == (1, True), result.stderr
     assert bench.run(TOO_LARGE.replace("1000", "10"), "--robots", "2")["quiescent"]

@@ -220,7 +220,7 @@ def test_a_row_counts_what_the_report_tells():
         "deadlines": {"met": 5, "missed": 1, "best_possible": 6},
         "collisions": 1,
         "violations": [{"check": check} for check in ("overlap", "contact", "overlap")],
-        "robots": {"1": {"actions_unhandled": 2}, "2": {}},
+        "robots": {"1": {"actions_unhandled": 2}, "2": {"unsendable": 3}},
     }
     assert row_of(report) == {
         "seed": 3,
@@ -232,6 +232,7 @@ def test_a_row_counts_what_the_report_tells():
         "collisions": 1,
         "violations": {"overlap": 2, "contact": 1},
         "unhandled": 2,
+        "unsendable": 3,
         "error": None,
     }
 

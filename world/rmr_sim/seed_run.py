@@ -18,7 +18,7 @@ from rmr_sim.simulation import Simulation
 from rmr_sim.violation import CONTACT
 from rmr_world.lab_program import ProgramError
 from rmr_world.run_report import DECIMALS
-from rmr_world.run_warnings import unhandled_failures
+from rmr_world.run_warnings import unhandled_failures, unsendable_facts
 
 Row = dict[str, Any]
 """A seed's entry in sweep.json; `docs/simulation.md` describes its keys."""
@@ -79,6 +79,7 @@ def row_of(report: dict[str, Any]) -> Row:
         "collisions": report["collisions"],
         "violations": violations,
         "unhandled": unhandled_failures(report),
+        "unsendable": unsendable_facts(report),
         "error": None,
     }
 
@@ -95,6 +96,7 @@ def lost(seed: int, error: str) -> Result:
         "collisions": 0,
         "violations": {},
         "unhandled": 0,
+        "unsendable": 0,
         "error": error,
     }
     return Result(row, 0.0, 0.0)
@@ -102,8 +104,13 @@ def lost(seed: int, error: str) -> Result:
 
 def fails(row: Row) -> bool:
     """Return whether the run failed; a missed deadline alone is no failure."""
-    broken = row["collisions"] or row["violations"] or row.get("unhandled", 0) or row["error"]
+    broken = row["collisions"] or row["violations"] or _unheeded(row) or row["error"]
     return not row["finished"] or bool(broken)
+
+
+def _unheeded(row: Row) -> bool:
+    """Return whether something failed for which the program has no answer."""
+    return bool(row.get("unhandled", 0) or row.get("unsendable", 0))
 
 
 def reasons(row: Row) -> list[str]:
@@ -113,6 +120,8 @@ def reasons(row: Row) -> list[str]:
     found = [] if row["finished"] else ["not finished"]
     if row.get("unhandled", 0):
         found.append(f"actions that failed without an `else`: {row['unhandled']}")
+    if row.get("unsendable", 0):
+        found.append(f"facts that no frames can carry: {row['unsendable']}")
     if row["collisions"]:
         found.append(f"{row['collisions']} contact{'s' if row['collisions'] > 1 else ''}")
     return found + [f"{check} ({count})" for check, count in sorted(row["violations"].items()) if check != CONTACT]
@@ -121,10 +130,10 @@ def reasons(row: Row) -> list[str]:
 def exit_code(row: dict[str, Any], *, strict: bool) -> int:
     """Return the exit code for a run.
 
-    0 fine; 1 not finished, a rule broken, or an action of the user's failed unhandled; 4 under --strict: a deadline
-    missed, or a contact.
+    0 fine; 1 not finished, a rule broken, an action of the user's failed unhandled, or a fact dropped that no frames
+    can carry; 4 under --strict: a deadline missed, or a contact.
     """
-    if not row["finished"] or row.get("unhandled", 0) or any(check != CONTACT for check in row["violations"]):
+    if not row["finished"] or _unheeded(row) or any(check != CONTACT for check in row["violations"]):
         return ExitCode.FAILED
     if strict and (row["deadlines"]["missed"] or row["collisions"]):
         return ExitCode.STRICT

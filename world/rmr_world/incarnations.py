@@ -11,7 +11,7 @@ from rmr_world.quorum import DIED, Fate
 
 COUNTED: Final = (
     "actions_failed", "actions_unhandled", "actions_omitted", "assertions_omitted", "expression_failures",
-    "undelivered", "ticks", "ticks_late", "tasks_skipped", "late_samples", "estimates_dropped",
+    "undelivered", "unsendable", "ticks", "ticks_late", "tasks_skipped", "late_samples", "estimates_dropped",
     "samples_refused",
 )  # fmt: skip
 """Fields of a robot's part of the report that are summed over its incarnations."""

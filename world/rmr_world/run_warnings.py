@@ -33,6 +33,8 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
             f"{undelivered} of the facts, goals and actions for other robots not delivered; the first: "
             f"{_first(parts, 'first_undelivered')}"
         )
+    if unsendable := unsendable_facts(report):
+        lines.append(f"{unsendable} of these can never be sent, as no frames can carry them, so the run has failed")
     lost = {robot: part["lost_in_restart"] for robot, part in parts.items() if part.get("lost_in_restart")}
     if lost:
         which = ", ".join(f"robot {robot}: {count}" for robot, count in lost.items())
@@ -58,6 +60,11 @@ def position_warnings(robot: str, part: Mapping[str, Any]) -> Iterator[str]:
 def unhandled_failures(report: Mapping[str, Any]) -> int:
     """Return the number of failures of the user's own handlers for which the program declares no `else`."""
     return _total(report["robots"], "actions_unhandled")
+
+
+def unsendable_facts(report: Mapping[str, Any]) -> int:
+    """Return the number of facts, goals and actions for other robots that were dropped, as no frames carry them."""
+    return _total(report["robots"], "unsendable")
 
 
 def _total(parts: Mapping[str, Mapping[str, Any]], field: str) -> int:

@@ -20,7 +20,7 @@ from rmr.node.logic.deadlines import Deadlines
 from rmr.node.logic.exchange import STAGES, WHY_GIVEN_UP, Exchange, News, Outcome
 from rmr.node.logic.outbound import Outgoing
 from rmr.node.logic.symbol_numbers import symbols_of
-from rmr.node.payloads import Delivery, DeliveryRole, WireError
+from rmr.node.payloads import Delivery, DeliveryRole, UnsendableError, WireError
 from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.job import TimedJob
@@ -67,6 +67,8 @@ class Deliveries:
         self._serving: dict[int, deque[Outgoing]] = {}
         """Deliveries that serve a job of this robot, by the job's serial."""
         self.undelivered = 0
+        self.unsendable = 0
+        """How many of them no frames can carry."""
         self.first_undelivered: tuple[float, str, str] | None = None
         """When the first one was given up, seconds of lab time, what it was, and why."""
 
@@ -75,6 +77,7 @@ class Deliveries:
         self.exchange = old.exchange
         self._serving = old._serving
         self.undelivered = old.undelivered
+        self.unsendable = old.unsendable
         self.first_undelivered = old.first_undelivered
 
     def text(self, delivery: Delivery) -> str:
@@ -128,6 +131,7 @@ class Deliveries:
             ordered = not lasting and self._ordered(delivery)
             outgoing = self.exchange.send(now, destination, delivery, body, due=due, ordered=ordered, lasting=lasting)
         except WireError as error:
+            self.unsendable += isinstance(error, UnsendableError)
             self._give_up(now, destination, delivery, str(error))
             return
         for job in jobs:
