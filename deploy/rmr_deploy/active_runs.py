@@ -149,15 +149,22 @@ def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapp
     return f"this run is not in the register: {why}; {by}"
 
 
-def write_end(folder: Path, exit_code: int) -> None:
-    """Note the exit code of the run in its folder, and take it out of the register."""
+def write_end(folder: Path, exit_code: int) -> str:
+    """Note the exit code of the run in its folder, and take it out of the register.
+
+    Returns why it could not be noted, empty if it was, or if the folder was removed.
+    """
     record = _read(folder)
-    with suppress(OSError):  # the folder was removed
+    problem = ""
+    try:
         if record:
             _write(folder / PROCESSES_FILE, record | {"exit_code": exit_code})
+    except OSError as error:
+        problem = f"{error.filename}: {error.strerror}; rmr wait will not know that the exit code was {exit_code}"
     for place in _registers():
         with suppress(OSError):
             (place / f"{os.getpid()}.json").unlink(missing_ok=True)
+    return problem
 
 
 def _write(path: Path, record: Mapping[str, Any]) -> None:

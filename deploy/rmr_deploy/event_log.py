@@ -6,9 +6,10 @@ The form is that of the processes' logs, so that `rmr logs` merges them; each li
 import json
 import time
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
+
+from rmr.base.file_errors import naming
 
 EVENTS_FILE = "events.jsonl"
 WHO = "rmr up"
@@ -40,16 +41,22 @@ class EventLog:
         self._states: dict[int, str] = {}
         self.heard: Callable[[str, dict[str, Any]], None] | None = None
         """Called with each event and its fields."""
+        self.failure = ""
+        """Why the file ends early: which it is, and what was wrong; empty while it is written."""
 
     def note(self, event: str, message: str, **fields: Any) -> None:
-        """Write an event; a run goes on if it cannot be written."""
+        """Write an event; a run goes on if it cannot be written, and the file ends there (`failure`)."""
         assert event in EVENTS
         now_s = self.now_s()
         stamp = {} if now_s is None else {"t": round(now_s, 3)}
         line = {"time": round(time.time(), 6), "level": "info", "who": WHO, "message": message, **stamp}
         line |= {"event": event, **fields}
-        with suppress(OSError), self._path.open("a") as file:
-            file.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
+        if not self.failure:
+            try:
+                with naming(self._path), self._path.open("a") as file:
+                    file.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
+            except OSError as error:
+                self.failure = f"{error.filename}: {error.strerror}"
         if self.heard is not None:
             self.heard(event, fields)
 

@@ -60,7 +60,8 @@ def perform(options: RunOptions, background: DetachedOutput | None = None) -> in
             background.begin(plan.folder, plan.lab.name, len(plan.lab.roster))
         code = _run(plan, background)
     finally:
-        write_end(plan.folder, code)
+        if problem := write_end(plan.folder, code):
+            print(f"rmr up: {problem}", file=sys.stderr)
     return code
 
 

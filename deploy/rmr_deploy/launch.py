@@ -19,7 +19,6 @@ import asyncio
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 from rmr.base.ids import spelled
@@ -117,7 +116,7 @@ class LabRun:
                 self.monitor.close()
             self.plan.secret.unlink(missing_ok=True)
             self.outcome.wall_s = time.monotonic() - self._began
-        sweep(self.plan, self._processes, self.outcome.ended, self.monitor, self._screen.say)
+        sweep(self.plan, self._processes, self.outcome.ended, self.monitor, self.events, self._screen.say)
         return self.outcome
 
     def _interrupt(self, signal_name: str) -> None:
@@ -156,8 +155,10 @@ class LabRun:
         part = name.replace("robot-", "robots-", 1)
         child = self._child(name, part, agent_command(self.plan, robots, self._endpoint), threaded=True)
         self._robots |= dict.fromkeys(robots, child)
-        with suppress(OSError):  # the run folder was removed: the process ends with the launcher all the same
+        try:
             self._record_processes()
+        except OSError as error:  # the process ends with the launcher all the same
+            self._screen.say(f"{error.filename}: {error.strerror}; the verbs of a fleet do not see the new process")
         self._screen.say(f"{names(robots)} is started again, pid {child.pid}")
         for robot in robots:
             message = f"robot {robot} is started again"

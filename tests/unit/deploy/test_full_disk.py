@@ -3,6 +3,7 @@
 The disk is the kernel's limit of a file's size, in a process of its own: a write beyond it fails, at each file in turn.
 """
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,18 @@ except OSError as error:
     print(error.filename)
 """
 
+END = """
+from rmr_deploy.active_runs import write_end
+print(write_end(Path(sys.argv[2]), 4))
+"""
+EVENTS = """
+from rmr_deploy.event_log import EventLog
+events = EventLog(Path(sys.argv[2]), lambda: None)
+for robot in range(9):
+    events.note("robot_back", f"robot {robot} is back", robot=robot)
+print(events.failure)
+"""
+
 
 def limited(octets, script, *words):
     """Run `script` where no file can be longer than `octets`; return what it prints."""
@@ -68,3 +81,22 @@ def test_half_a_record_of_processes_does_not_stay_and_the_one_before_does(tmp_pa
     path.write_text("{}\n")
     assert limited(20, RECORD, tmp_path) == str(path)
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("processes.json", "{}\n")]
+
+
+def test_events_end_with_a_reason_and_go_on_no_more(tmp_path):
+    path = tmp_path / "events.jsonl"
+    assert limited(400, EVENTS, tmp_path) == f"{path}: File too large"
+    *whole, _ = path.read_text().split("\n")
+    assert [json.loads(line)["robot"] for line in whole] == [*range(len(whole))]
+    assert 0 < len(whole) < 9
+    assert limited(4000, EVENTS, tmp_path / "new") == f"{tmp_path / 'new' / 'events.jsonl'}: No such file or directory"
+
+
+def test_exit_code_that_cannot_be_noted_is_told(tmp_path):
+    path = tmp_path / "processes.json"
+    path.write_text('{"started": {}}\n')
+    path.chmod(0o600)
+    told = f"{path}: File too large; rmr wait will not know that the exit code was 4"
+    assert limited(20, END, tmp_path) == told
+    assert limited(4000, END, tmp_path) == ""
+    assert json.loads(path.read_text())["exit_code"] == 4

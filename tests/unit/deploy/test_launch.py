@@ -235,6 +235,15 @@ def test_a_robot_that_never_becomes_ready_is_named(start, monkeypatch):
     assert outcome.reason == "not ready within 0 s: robot 2"
 
 
+def test_events_that_cannot_be_written_are_told_at_the_end(start):
+    run = start("finish", "finish")
+    path = run.plan.folder / "events.jsonl"
+    path.mkdir()
+    outcome, _ = end(run)
+    assert outcome.finished
+    assert run._screen.said[-1] == f"the log of events is cut short: {path}: Is a directory"
+
+
 def test_a_run_ends_at_the_labs_duration(start):
     run = start("roam", "roam")
     run.plan = replace(run.plan, lab=replace(run.plan.lab, duration=500_000_000))
