@@ -41,7 +41,7 @@ WHEELS_GO_ON = milliseconds(100)
 """A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long."""
 CALLED_LATE = "its host called it late"
 OLD_SAMPLE = "its newest sample was old"
-DIED = "until its process was started again"
+DIED = "its process had ended"
 LINE_UP = "lineup"
 """The action that drives to a place in a queue."""
 

@@ -8,7 +8,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Final
 
-from rmr.base.time import Instant, seconds
+from rmr.base.time import NEVER, Instant, seconds
 from rmr.bytecode.program import Program
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.recorded_minds import RecordedMind, minds
@@ -21,6 +21,9 @@ from rmr.why.true_places import true_places
 
 FRAMES: Final = "/frames"
 FAULTS: Final = "/faults"
+GONE_AFTER: Final = seconds(2)
+"""A robot whose log ends by more than this before the run's was stopped: one that lives is called several times a
+second, and robots that are stopped together at the end leave within this time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,20 +46,31 @@ def run_history(recording: Recording) -> RecordedHistories:
     truth = true_places(recording)
     listeners: dict[int, HistoryListener] = {}
     problems = list(known.problems)
+    doubtful: set[int] = set()
     for mind, following in zip(found, [*found[1:], None], strict=True):
         listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program, truth.get(mind.robot)))
         again = following is not None and following.robot == mind.robot
         problem = _replayed(mind, listener, kills[mind.robot], again=again)
         if problem:
             problems.append(f"robot {mind.robot}, life {mind.epoch + 1}: {problem}")
+            doubtful.add(mind.robot)
     listeners = {robot: listener for robot, listener in listeners.items() if listener.history.lives}
     if not listeners:
         raise UnexplainableError(f"the run cannot be explained: {'; '.join(problems)}")
     ends = max((listener.history.ends for listener in listeners.values()), default=0)
-    for listener in listeners.values():
+    for robot, listener in listeners.items():
+        if robot not in doubtful:
+            end_early(listener, ends)
         listener.ended(ends)
     histories = {robot: listener.history for robot, listener in listeners.items()}
     return RecordedHistories(program, histories, _attempts(recording), tuple(problems))
+
+
+def end_early(listener: HistoryListener, ends: Instant) -> None:
+    """Note the end of a robot's process that ended in good order long before the run, which `ends` then."""
+    history = listener.history
+    if history.lives[-1][1] == NEVER and ends - history.ends > GONE_AFTER:
+        listener.died(history.ends)
 
 
 def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant], *, again: bool) -> str:
