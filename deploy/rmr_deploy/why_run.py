@@ -1,6 +1,7 @@
 """`rmr why`: finds the recording, asks the question, prints the answer."""
 
 import json
+import shlex
 import sys
 from pathlib import Path
 
@@ -39,6 +40,9 @@ def perform(
     lab: str | None = None,
 ) -> int:
     """Answer the question; return the exit code."""
+    if "(" in where and not Path(where).exists():
+        again = f"rmr why RUN {shlex.quote(where)}"
+        raise CommandLineError(f"RUN is missing, the run folder, which each run names at its end: {again}")
     if missed:
         for name, given in (("--not", absent), ("--dot", as_dot), ("--more", more is not None)):
             if given:

@@ -42,6 +42,11 @@ class Question(NamedTuple):
 
 def question(text: str, program: Program, robots: list[int], robot: int | None = None) -> Question:
     """Return the question in `text`; with `robot` it is to be about that robot. Raises WhyError."""
+    named = None if "(" in text else program.index(text.strip().lstrip("!?"))
+    if named is not None:
+        slots = ", ".join("_" * (1 + len(program.predicates[named].types)))
+        name = _short(text)
+        raise WhyError(f"'{name}' is a name: write its robot and arguments, `_` for any: '{name}({slots})'")
     try:
         pattern = fact_pattern(text, program)
     except FactError as error:

@@ -110,6 +110,8 @@ def test_not_names_the_action_that_waits_for_its_turn_or_drives(run):
         ("att(@2, exit)", "the program knows no fact `att`; did you mean `at`?"),
         ("crosing(@2, 1)", "did you mean `crossing`?"),
         ("at(@2)", "`at` has 2 arguments, not 1; it is `type sensor at(robot, area).`"),
+        ("at", "'at' is a name: write its robot and arguments, `_` for any: 'at(_, _)'"),
+        ("?at", "'?at(_, _)'"),
         ("at(@9, exit)", "robot 9 is not in this run; it has robots 1-2"),
         ("at(@2, exit", ""),
         ("at(@2, 3.5)", "an argument of `at` is area, not float"),
@@ -143,6 +145,12 @@ def test_missing_run_and_missing_lab_that_runs_are_told(tmp_path, monkeypatch):
     sentence, code = told("nowhere", "at(@2, exit)")
     assert "there is no run at 'nowhere'" in sentence
     assert code == 2
+    for words in (["at(@2, exit)"], ["at(@2, exit)", "--not"]):
+        sentence, code = told(*words)
+        assert sentence == (
+            "RUN is missing, the run folder, which each run names at its end: rmr why RUN 'at(@2, exit)'"
+        )
+        assert code == 2
     sentence, code = told("4", "at(@4, exit)")
     assert "robot 4: no lab runs on this machine" in sentence
     assert code == 2

@@ -94,7 +94,7 @@ README = """\
     rmr check . --svg floor.svg     # all that is judged before a run, and a picture of the floor
     rmr sim .                       # the run in virtual time, the same for the same --seed
     rmr up .                        # the same with a process for each robot
-    pytest                          # the test, which runs the lab
+    pytest                          # the test, which runs the lab; pip install pytest, if it is not there
 
 `lab.yaml` is the floor, `PROGRAM` what all robots do.ACTIONS
 Editors that know YAML complete `lab.yaml` by `lab.schema.json`; `rmr lab schema` prints that of a newer RMR.
