@@ -383,7 +383,7 @@ def test_port_in_use_and_no_recording_are_told_in_one_sentence(run, tmp_path, ca
     ("words", "code", "message"),
     [
         (["--foxglove", "nowhere"], 2, "there is no nowhere"),
-        (["--foxglove"], 1, "no lab runs here"),
+        (["--foxglove"], 1, "there is no run in ./runs, and none is under way"),
         (["--foxglove", "{run}", "--control"], 2, "these are about the page"),
         (["--foxglove", "{run}", "--speed", "0"], 2, "--speed"),
         (["{run}", "--speed", "2"], 2, "--speed is of a recording in Foxglove"),
