@@ -48,7 +48,7 @@ def run_of(lab, folder, capsys):
 
 def test_fact_too_large_to_send_is_reported_and_counted(tmp_path, capsys):
     code, robots, err = run_of(big_fact(tmp_path, 7000), tmp_path, capsys)
-    assert code == 0
+    assert code == 1
     assert robots["1"]["undelivered"] == 1
     at_s, fact, why = robots["1"]["first_undelivered"]
     assert at_s == 0.0
