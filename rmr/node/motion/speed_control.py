@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from rmr.base.arena import REFERENCE, ROUNDING_M, Arena
+from rmr.base.arena import ROUNDING_M, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
 from rmr.node.motion.avoid import STILL_MPS
@@ -19,7 +19,7 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import Shield, TakenDisc
+from rmr.node.motion.shield import APART_MPS, Shield, TakenDisc
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
@@ -57,7 +57,6 @@ class SpeedControl:
 
     __slots__ = (
         "_clearance",
-        "_fast",
         "_measured_x",
         "_measured_y",
         "_memory",
@@ -84,7 +83,6 @@ class SpeedControl:
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
-        self._fast: Final = arena.shape.speed > REFERENCE.speed
         self.wheels = Wheels(arena.shape)
         self._clearance = -math.inf
         """Distance to the nearest wall, metres, from the place where that was measured last."""
@@ -234,7 +232,7 @@ class SpeedControl:
         shield = self._shield
         share = self._before_walls(twist, pose, lead) if walls else 1.0
         share = min(share, shield.past(twist, self._standing(pose), lead))
-        if not self._fast or twist.v <= REFERENCE.speed:
+        if twist.v <= APART_MPS:
             return share
         around = self.scene
         bodies = around.bodies
