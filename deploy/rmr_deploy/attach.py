@@ -30,11 +30,13 @@ from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path
-from rmr_world.quorum import Fate
+from rmr_world.quorum import NEVER_CAME, Fate
 
 POLL_S = 0.1
 LAST_S = 1.0
 """Time for the last statuses after the finish: robots tell theirs at least once a second."""
+
+CUT_OFF = "the world does not answer any more: waiting until it is back; Ctrl-C ends the watching"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,6 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
     with suppress(TimeoutError):
         await asyncio.wait_for(_all_told(plan.lab, monitor), LAST_S)
     outcome.wall_s = time.monotonic() - began
-    outcome.absent = _absent(plan.lab, monitor)
     record = make_report(plan, outcome, monitor)
     monitor.close()
     Console(stderr=options.as_json, highlight=False).print(table(record))
@@ -113,31 +114,39 @@ async def _monitor(lab: Lab, options: AttachOptions) -> StatusMonitor:
 
 
 async def _until_over(lab: Lab, monitor: StatusMonitor, screen: Screen, outcome: RunOutcome) -> None:
-    """Show the robots until the run is over; `outcome` says how it ended."""
-    seen: set[int] = set()
+    """Show the robots until the run is over; `outcome` says how it ended, and who was not there then."""
+    cut_off = False
     while not outcome.reason:
-        seen |= monitor.present
-        lines = [RobotLine(robot, *_line(robot, monitor, seen)) for robot in lab.roster]
-        screen.show(monitor.now_s if monitor.running(lab.roster) else None, lines)
+        if monitor.connected:
+            outcome.absent = _absent(lab, monitor)
+            lines = [RobotLine(robot, *_line(robot, monitor)) for robot in lab.roster]
+            screen.show(monitor.now_s if monitor.running(lab.roster) else None, lines)
+        elif not cut_off and not (monitor.world is not None and monitor.world.final):
+            screen.say(CUT_OFF)
+        cut_off = not monitor.connected
         await asyncio.sleep(POLL_S)
         if outcome.interrupted:
             outcome.reason = "interrupted; the lab goes on"
         elif monitor.world is not None and monitor.world.final:
             outcome.reason = "the world has ended"
-        elif seen >= {*lab.roster} and monitor.running(lab.roster):
-            absent = _absent(lab, monitor)
-            if len(absent) < len(lab.roster):
-                outcome.finished, outcome.reason = judged_end(lab, monitor, absent)
+        elif _all_came(lab, outcome) and monitor.running(lab.roster):
+            outcome.finished, outcome.reason = judged_end(lab, monitor, outcome.absent)
+
+
+def _all_came(lab: Lab, outcome: RunOutcome) -> bool:
+    """Return whether all robots of the lab have been there, and one is there still: before, nothing is judged."""
+    return NEVER_CAME not in outcome.absent.values() and len(outcome.absent) < len(lab.roster)
 
 
 def _absent(lab: Lab, monitor: StatusMonitor) -> dict[int, Fate]:
     return {robot: monitor.fate(robot) for robot in lab.roster if robot not in monitor.present}
 
 
-def _line(robot: int, monitor: StatusMonitor, seen: set[int]) -> tuple[str, str]:
+def _line(robot: int, monitor: StatusMonitor) -> tuple[str, str]:
     if robot in monitor.present:
         return monitor.line(robot)
-    return (monitor.fate(robot), "") if robot in seen else ("starting", "")
+    fate = monitor.fate(robot)
+    return "starting" if fate == NEVER_CAME else fate, ""
 
 
 async def _all_told(lab: Lab, monitor: StatusMonitor) -> None:

@@ -36,7 +36,7 @@ from rmr_world.faults import process_run_faults
 from rmr_world.incarnations import merged_report
 from rmr_world.lab import Lab
 from rmr_world.missed_hint import missed_hint, view_hint
-from rmr_world.quorum import ALL, STOPPED, met_at
+from rmr_world.quorum import ALL, NEVER_CAME, STOPPED, met_at
 from rmr_world.run_warnings import run_warnings, unhandled_failures, unsendable_facts
 
 
@@ -182,8 +182,11 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
     if outcome.loads:
         told["loads"] = outcome.loads
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
-    stopped = [robot for robot, fate in outcome.absent.items() if fate == STOPPED]
-    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died, "stopped": stopped}
+    absent = {
+        key: [robot for robot, one in outcome.absent.items() if one == fate]
+        for key, fate in (("stopped", STOPPED), ("never_came", NEVER_CAME))
+    }
+    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died, **absent}
 
 
 def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:

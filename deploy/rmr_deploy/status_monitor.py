@@ -24,7 +24,7 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 from rmr_world.incarnations import with_lost_jobs
-from rmr_world.quorum import DIED, STOPPED, Fate
+from rmr_world.quorum import DIED, NEVER_CAME, STOPPED, Fate
 
 AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
@@ -70,6 +70,8 @@ class StatusMonitor:
         self.truth: wire.Truth | None = None
         self.present: set[int] = set()
         """Robots with a liveliness token."""
+        self._came: set[int] = set()
+        """Robots that have had one."""
         self._sessions: dict[int, int] = {}
         """Session number of each robot's newest status."""
         self._speakers: defaultdict[int, _Speakers] = defaultdict(_Speakers)
@@ -119,8 +121,11 @@ class StatusMonitor:
     def _alive(self, key: str, alive: bool) -> None:
         robot = last_id(key)
         if robot is not None:
-            (self.present.add if alive else self.present.discard)(robot)
-            if not alive:
+            if alive:
+                self.present.add(robot)
+                self._came.add(robot)
+            else:
+                self.present.discard(robot)
                 self._speakers[robot].vanished()
 
     def _world_alive(self, _key: str, alive: bool) -> None:
@@ -128,7 +133,9 @@ class StatusMonitor:
             self._speakers[wire.WORLD_ID].vanished()
 
     def fate(self, robot: int) -> Fate:
-        """Return what became of a robot that has left, as far as it has told: one that ends in order says so."""
+        """Return what became of a robot that is not there, as far as it has told: one that ends in order says so."""
+        if robot not in self._came and robot not in self.robots:
+            return NEVER_CAME
         return STOPPED if self.final(robot) and self._state(robot) == "stopped" else DIED
 
     def retire(self, robot: int, fate: Fate) -> None:
@@ -140,6 +147,11 @@ class StatusMonitor:
         if robot in self._parts:
             self._past.setdefault(robot, []).append(with_lost_jobs(self._parts.pop(robot), fate))
         self.robots.pop(robot, None)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the router is there: without it every token vanishes, and nothing is known of any robot."""
+        return self._bus.connected
 
     @property
     def now(self) -> Instant:

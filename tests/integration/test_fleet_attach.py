@@ -1,6 +1,7 @@
 """`rmr attach` upon a world and robots that were started by hand: table, report, and who is not there."""
 
 import json
+import signal
 
 import pytest
 from command_runner import invoke
@@ -44,6 +45,33 @@ def test_report_of_a_lab_that_was_started_by_hand_is_that_of_rmr_up(stage):
     assert report["reason"] == "every robot holds the finish fact"
     assert "robot 1  running" in answer.stderr
     assert all(started.process.poll() is None for started in stage.started), "it ends no process"
+
+
+def test_a_robot_that_never_came_has_not_died(stage):
+    world = stage.world("--when-ready")
+    stage.agent(1, "--lab", "bench")
+    watching = stage.start("rmr_deploy.fleet", "attach", stage.folder, "--connect", stage.endpoint, "--json")
+    watching.wait_for("robot 1  ready")
+    world.send(signal.SIGTERM)
+    assert watching.exit_code() == 1
+    assert "robot 2  starting" in watching.said()
+    assert " mm; robot 2 never came\nthe world has ended\n" in watching.said(), "robot 1 lives"
+    assert "@2         -  never came         -    -" in watching.said()
+    report = json.loads(watching.said().partition("the world has ended\n")[2])
+    assert (report["dead"], report["never_came"], report["stopped"]) == ([2], [2], [])
+
+
+def test_a_world_that_is_gone_without_a_word_leaves_no_robot_dead(stage):
+    world = stage.world("--when-ready")
+    stage.agent(1, "--lab", "bench")
+    watching = stage.start("rmr_deploy.fleet", "attach", stage.folder, "--connect", stage.endpoint)
+    watching.wait_for("robot 1  ready")
+    world.send(signal.SIGKILL)
+    watching.wait_for("the world does not answer any more: waiting until it is back; Ctrl-C ends the watching\n")
+    watching.send(signal.SIGINT)
+    assert watching.exit_code() == 1
+    assert " mm; robot 2 never came\ninterrupted; the lab goes on\n" in watching.said()
+    assert "died" not in watching.said()
 
 
 def test_world_that_is_not_there_is_told():

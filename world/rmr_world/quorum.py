@@ -5,7 +5,7 @@
     N        any N robots at one time
 
 A robot is dead for good if its process has ended and will not be started again. A dead robot holds no fact. For people
-it has died or was stopped on purpose: its *fate*.
+it has died, was stopped on purpose or never came: its *fate*.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -21,10 +21,12 @@ Quorum = Literal["all", "living"] | int
 QUORUM_SCHEMA: Final = {"anyOf": [{"enum": [ALL, LIVING]}, {"type": "integer", "minimum": 1}]}
 """JSON Schema of a quorum."""
 
-Fate = Literal["died", "stopped"]
+Fate = Literal["died", "stopped", "never came"]
 DIED: Final[Literal["died"]] = "died"
 STOPPED: Final[Literal["stopped"]] = "stopped"
 """The robot was asked to stop, or its process ended in good order."""
+NEVER_CAME: Final[Literal["never came"]] = "never came"
+"""Nobody has seen the robot: of one that a launcher has not started itself."""
 
 _Who = TypeVar("_Who")
 
@@ -60,11 +62,12 @@ def met_at(quorum: Quorum, finishes: Mapping[int, float | None]) -> float | None
 
 
 def by_fate(fates: Mapping[_Who, Fate]) -> list[tuple[list[_Who], str]]:
-    """Return those of `fates` who died and those who were stopped, each with its verb; nobody is left out."""
-    died = [who for who, fate in fates.items() if fate == DIED]
-    stopped = [who for who, fate in fates.items() if fate == STOPPED]
-    groups = (died, "died"), (stopped, "were stopped" if len(stopped) > 1 else "was stopped")
-    return [(who, verb) for who, verb in groups if who]
+    """Return those of `fates` who died, who were stopped and who never came, each with its verb; nobody is left out."""
+    groups: dict[Fate, list[_Who]] = {DIED: [], STOPPED: [], NEVER_CAME: []}
+    for who, fate in fates.items():
+        groups[fate].append(who)
+    verbs = {DIED: "died", STOPPED: "were stopped" if len(groups[STOPPED]) > 1 else "was stopped"}
+    return [(whole, verbs.get(fate, fate)) for fate, whole in groups.items() if whole]
 
 
 def absence(fates: Mapping[int, Fate]) -> str:

@@ -17,7 +17,7 @@ from rmr.base.file_errors import naming
 from rmr_world.bound import bound_s
 from rmr_world.deadline_bound import best_possible, least_s
 from rmr_world.lab import Lab
-from rmr_world.quorum import DIED, STOPPED, Fate, absence
+from rmr_world.quorum import DIED, NEVER_CAME, STOPPED, Fate, absence
 
 REPORT_FILE = "report.json"
 SECONDS_DECIMALS = 3
@@ -232,9 +232,10 @@ def summary(report: Mapping[str, Any]) -> str:
 
 
 def _fates(report: Mapping[str, Any]) -> dict[int, Fate]:
-    """Return what became of the robots whose process had ended when the run was over."""
-    stopped = report.get("stopped", ())
-    return {robot: STOPPED if robot in stopped else DIED for robot in report.get("dead", ())}
+    """Return what became of the robots that were not there when the run was over."""
+    fates: dict[int, Fate] = dict.fromkeys(report.get("dead", ()), DIED)
+    fates |= dict.fromkeys(report.get("stopped", ()), STOPPED)
+    return fates | dict.fromkeys(report.get("never_came", ()), NEVER_CAME)
 
 
 def table_text(report: Mapping[str, Any]) -> str:

@@ -1,9 +1,10 @@
-"""What is told of a process that has ended before its time: it died, or was stopped."""
+"""What is told of a robot that is not there: its process died or was stopped, or it never came."""
 
 import pytest
 
 from rmr_deploy.run_end import who_came_back, who_ended
 from rmr_deploy.run_outcome import RunOutcome
+from rmr_world.quorum import absence
 
 
 @pytest.mark.parametrize(
@@ -30,3 +31,6 @@ def test_sentences_about_processes_tell_the_dead_from_the_stopped():
         "; robot-2 died on the way and came back; robot-1, robot-3 were stopped on the way and came back"
     )
     assert who_came_back({}) == ""
+    assert absence({1: "stopped", 2: "never came", 3: "died", 4: "never came"}) == (
+        "robot 3 died, robot 1 was stopped, robots 2,4 never came"
+    )

@@ -7,7 +7,7 @@ from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr_deploy import status_monitor
 from rmr_deploy.status_monitor import SESSIONS_MAX, SILENT_S, StatusMonitor
-from rmr_world.quorum import DIED, STOPPED
+from rmr_world.quorum import DIED, NEVER_CAME, STOPPED
 
 KEYS = Keys("dash")
 
@@ -104,3 +104,12 @@ def test_a_robot_that_has_left_was_stopped_if_it_said_so_and_has_died_otherwise(
         assert launcher.says(7, state=state, final=final)
         launcher.token(there=False)
         assert launcher.monitor.fate(1) == fate
+
+
+def test_a_robot_that_nobody_has_seen_never_came(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    assert launcher.monitor.fate(2) == NEVER_CAME
+    launcher.token(there=False)
+    assert launcher.monitor.fate(1) == DIED, "its process was there, and ended before it said anything"
+    assert launcher.says(7, sender=2)
+    assert launcher.monitor.fate(2) == DIED
