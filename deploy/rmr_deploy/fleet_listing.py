@@ -6,8 +6,9 @@ of the record are shown, each looked up in the system.
 
 import json
 import os
+import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def _lab_row(run: LaunchedRun) -> dict[str, Any]:
 def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as_json: bool) -> int:
     """Print the processes of a run, with `everything` also those that have ended. Raises FleetError."""
     run = chosen_run(folder, lab, past=everything)
-    rows = process_rows(run)
+    rows = process_rows(run, lambda why: print(f"rmr ps: {why}; shown is what the system tells", file=sys.stderr))
     if not everything:
         rows = [row for row in rows if row["exit_code"] is None and row["state"] != "ended"]
     if as_json:
@@ -95,19 +96,26 @@ def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as
     return ExitCode.OK
 
 
-def told_status(run: LaunchedRun, patience_s: float = PATIENCE_S) -> dict[str, Any] | None:
-    """Return what the launcher tells of its run (`rmr_deploy.run_status`); None if it does not answer."""
+def told_status(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) -> dict[str, Any] | None:
+    """Return what the launcher tells of its run (`rmr_deploy.run_status`).
+
+    None if it is not there or does not answer; `note` is called with the reason for the latter.
+    """
     if not run.launched:
         return None
     try:
-        return ask_launcher(run.folder, {"do": "status"}, patience_s)
-    except RequestError:
+        return ask_launcher(run.folder, {"do": "status"}, PATIENCE_S)
+    except RequestError as error:
+        note(str(error))
         return None
 
 
-def process_rows(run: LaunchedRun) -> list[dict[str, Any]]:
-    """Return a row for each process of the run and robot in it; the launcher and the world come first."""
-    told = told_status(run)
+def process_rows(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+    """Return a row for each process of the run and robot in it; the launcher and the world come first.
+
+    `note` is called with the reason why the launcher does not tell how its robots are, if it is there.
+    """
+    told = told_status(run, note)
     if told is None:
         return [_recorded_row(one.name, one.pid, one.lives) for one in _all(run)]
     launcher = run.launcher

@@ -15,7 +15,7 @@ from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, recorded_run
 from rmr_deploy.fleet_listing import told_status
 from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown
-from rmr_deploy.run_requests import RequestError, UnansweredError, ask_launcher
+from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError, ask_launcher
 
 POLL_S = 0.05
 START_S = 35.0
@@ -118,15 +118,25 @@ def _order(
     if verb == "stop":
         _stop(run, robot, timeout_s)
         return
-    ask_launcher(run.folder, {"do": verb, "robot": robot, **more})
+    _ask(run, {"do": verb, "robot": robot, **more})
     if verb == "kill" and more.get("signal") in ENDING:
         _wait_for_end(run, robot, KILL_S)
 
 
+def _ask(run: LaunchedRun, request: Mapping[str, Any]) -> None:
+    """Have a request carried out; one whose answer could not be written was, too. Raises RequestError."""
+    try:
+        ask_launcher(run.folder, request)
+    except UnwrittenError as error:
+        if not error.done:
+            raise
+        print(f"rmr {NAMES.get(request['do'], request['do'])}: {error}", file=sys.stderr)
+
+
 def _stop(run: LaunchedRun, robot: int, timeout_s: float) -> None:
-    ask_launcher(run.folder, {"do": "stop", "robot": robot})
+    _ask(run, {"do": "stop", "robot": robot})
     if not _wait_for_end(run, robot, timeout_s):
-        ask_launcher(run.folder, {"do": "kill", "robot": robot})
+        _ask(run, {"do": "kill", "robot": robot})
         print(f"robot {robot} did not stop in {timeout_s:g} s and was killed", file=sys.stderr)
         _wait_for_end(run, robot, KILL_S)
 

@@ -1,14 +1,16 @@
 """Requests to the launcher of a run, as files in its run folder: how the robots are, and orders about their processes.
 
 The launcher alone may signal its processes and start them again. The run folder is closed to other users, so whoever
-can write there may ask. A request is a file of JSON that appears by a rename; the launcher removes it, and writes the
-answer beside it, which the asker removes:
+can write there may ask. A request is a file of JSON that appears by a rename; the launcher takes it by another one, so
+that it is carried out once whatever fails, and writes the answer beside it, which the asker removes:
 
     requests/0f3a.ask       {"do": "stall", "robot": 3, "for_s": 2.0}
+    requests/0f3a.taken     the same, while it is carried out
     requests/0f3a.answer    {"refused": ""}
+    requests/0f3a.done-28   the same as .taken: it was carried out, and error 28 kept the answer from being written
 
-An answer may have `told`, an object with what was asked for. Importing this module does not load asyncio, which takes
-longer than an answer.
+An answer may have `told`, an object with what was asked for. A name needs no room on a full disk. Importing this
+module does not load asyncio, which takes longer than an answer.
 """
 
 import json
@@ -19,10 +21,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rmr.base.file_errors import naming
+from rmr.base.file_errors import disk_of, naming
 
 REQUESTS_FOLDER = "requests"
 ASK = ".ask"
+TAKEN = ".taken"
 ANSWER = ".answer"
 POLL_S = 0.02
 """Period with which an asker looks for the answer."""
@@ -43,12 +46,29 @@ class UnansweredError(RequestError):
     """The launcher does not answer: it is starting, ending or overloaded, or it is dead."""
 
 
+class UnwrittenError(RequestError):
+    """The launcher has taken the request, and could not write its answer: the file and the disk are named."""
+
+    def __init__(self, became: str, answer: Path, code: int) -> None:
+        """`became` is a key of `UNWRITTEN`; `answer` could not be written for the error `code`."""
+        super().__init__(f"{UNWRITTEN[became]}: {answer}: {os.strerror(code)}, on the disk at {disk_of(answer)}")
+        self.done = became == "done"
+        """Whether the request was carried out."""
+
+
+UNWRITTEN = {
+    "done": "the order was carried out, though the launcher could not write its answer",
+    "refused": "the order was refused, and the launcher could not write why",
+    "told": "the launcher could not write its answer",
+}
+"""What became of a request whose answer could not be written."""
+
 Answer = str | Mapping[str, Any]
 """Why a request is refused (empty: it was carried out), or what was asked for."""
 
 
 async def put_request(folder: Path, request: Mapping[str, Any]) -> None:
-    """Ask the launcher of the run in `folder` for `request`, and wait for its answer. Raises RequestError."""
+    """Give the launcher of the run in `folder` the order `request`, and wait for its answer. Raises RequestError."""
     import asyncio  # noqa: PLC0415 - see above
 
     stem = _put(folder, request)
@@ -56,7 +76,11 @@ async def put_request(folder: Path, request: Mapping[str, Any]) -> None:
     while (answer := _answer(stem)) is None:
         _check_patience(stem, end)
         await asyncio.sleep(POLL_S)
-    _told(answer)
+    try:
+        _told(answer)
+    except UnwrittenError as error:
+        if not error.done:
+            raise
 
 
 def ask_launcher(folder: Path, request: Mapping[str, Any], patience_s: float | None = None) -> dict[str, Any]:
@@ -78,30 +102,40 @@ def _put(folder: Path, request: Mapping[str, Any]) -> Path:
             draft.write_text(json.dumps(dict(request)))
         draft.rename(stem.with_suffix(ASK))
     except OSError as error:
-        raise RequestError(f"{error.filename}: {error.strerror}") from None
+        with suppress(OSError):
+            stem.with_suffix(".new").unlink(missing_ok=True)
+        where = f"{error.filename}: {error.strerror}, on the disk at {disk_of(stem.parent)}"
+        raise RequestError(f"the launcher cannot be asked: {where}") from None
     return stem
 
 
 def _check_patience(stem: Path, end: float) -> None:
     if time.monotonic() > end:
-        with suppress(OSError):
-            stem.with_suffix(ASK).unlink(missing_ok=True)
+        try:
+            stem.with_suffix(ASK).unlink()
+        except FileNotFoundError:
+            taken = "the launcher of this run has taken the request and does not answer; rmr ps shows what came of it"
+            raise UnansweredError(taken) from None
+        except OSError:
+            pass
         raise UnansweredError("the launcher of this run does not answer")
 
 
-def _told(answer: Mapping[str, Any]) -> dict[str, Any]:
+def _told(answer: Mapping[str, Any] | UnwrittenError) -> dict[str, Any]:
+    if isinstance(answer, UnwrittenError):
+        raise answer
     if refused := answer.get("refused"):
         raise RequestError(str(refused))
     told = answer.get("told")
     return told if isinstance(told, dict) else {}
 
 
-def _answer(stem: Path) -> dict[str, Any] | None:
+def _answer(stem: Path) -> dict[str, Any] | UnwrittenError | None:
     path = stem.with_suffix(ANSWER)
     try:
         answer = json.loads(path.read_text())
     except (OSError, ValueError):
-        return None
+        return _unwritten(path)
     path.unlink(missing_ok=True)
     return answer if isinstance(answer, dict) else {}
 
@@ -110,11 +144,32 @@ def serve_requests(folder: Path, perform: Callable[[Mapping[str, Any]], Answer])
     """Answer the requests that wait in `folder`; `perform` carries one out."""
     with suppress(OSError):
         for path in sorted((folder / REQUESTS_FOLDER).glob(f"*{ASK}")):
-            answer = _performed(path, perform)
-            path.unlink(missing_ok=True)
-            draft = path.with_suffix(".out")
-            draft.write_text(json.dumps({"refused": answer} if isinstance(answer, str) else {"told": answer}))
-            draft.rename(path.with_suffix(ANSWER))
+            _serve(path, perform)
+
+
+def _serve(path: Path, perform: Callable[[Mapping[str, Any]], Answer]) -> None:
+    taken = path.rename(path.with_suffix(TAKEN))
+    answer = _performed(taken, perform)
+    draft = path.with_suffix(".out")
+    try:
+        draft.write_text(json.dumps({"refused": answer} if isinstance(answer, str) else {"told": answer}))
+        draft.rename(path.with_suffix(ANSWER))
+    except OSError as error:
+        became = "told" if not isinstance(answer, str) else "refused" if answer else "done"
+        draft.unlink(missing_ok=True)
+        taken.rename(path.with_suffix(f".{became}-{error.errno}"))
+    else:
+        taken.unlink()
+
+
+def _unwritten(answer: Path) -> UnwrittenError | None:
+    """Return what the launcher says by the name of a file, where it could not write its `answer`."""
+    for path in answer.parent.glob(f"{answer.stem}.*-*"):
+        became, _, code = path.suffix[1:].partition("-")
+        path.unlink(missing_ok=True)
+        if became in UNWRITTEN and code.isdecimal():
+            return UnwrittenError(became, answer, int(code))
+    return None
 
 
 def end_requests(folder: Path) -> None:

@@ -6,6 +6,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def disk_of(path: Path) -> Path:
+    """Return where the disk is mounted on which `path` is, or would be."""
+    whole = path.resolve()
+    return next(folder for folder in (whole, *whole.parents) if os.path.ismount(folder))
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Let an OSError from within name `path`, whatever file it came from."""

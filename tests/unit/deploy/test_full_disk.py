@@ -1,14 +1,19 @@
-"""A disk that is full before a run: the file is named, and no secret is left behind.
+"""A full disk: the file is named, no secret is left behind, and what became of an order is told.
 
 The disk is the kernel's limit of a file's size, in a process of its own: a write beyond it fails, at each file in turn.
 """
 
+import errno
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+
+from rmr.base.file_errors import disk_of
+from rmr_deploy.run_requests import REQUESTS_FOLDER, RequestError, ask_launcher, serve_requests
 
 pytestmark = pytest.mark.medium
 
@@ -51,6 +56,20 @@ events = EventLog(Path(sys.argv[2]), lambda: None)
 for robot in range(9):
     events.note("robot_back", f"robot {robot} is back", robot=robot)
 print(events.failure)
+"""
+SERVE = """
+import json
+from rmr_deploy.run_requests import serve_requests
+done = []
+serve_requests(Path(sys.argv[2]), lambda request: done.append(request) or json.loads(sys.argv[3]))
+print(json.dumps(done))
+"""
+ASK = """
+from rmr_deploy.run_requests import RequestError, ask_launcher
+try:
+    ask_launcher(Path(sys.argv[2]), {"do": "status"})
+except RequestError as error:
+    print(error)
 """
 
 
@@ -100,3 +119,54 @@ def test_exit_code_that_cannot_be_noted_is_told(tmp_path):
     assert limited(20, END, tmp_path) == told
     assert limited(4000, END, tmp_path) == ""
     assert json.loads(path.read_text())["exit_code"] == 4
+
+
+# --- requests
+
+
+@pytest.mark.parametrize(
+    ("refused", "became"),
+    [
+        ("", "the order was carried out, though the launcher could not write its answer"),
+        ("robot 3 is dead", "the order was refused, and the launcher could not write why"),
+        ({"robots": []}, "the launcher could not write its answer"),
+    ],
+)
+def test_what_became_of_an_order_is_told_where_no_answer_can_be_written(tmp_path, refused, became):
+    done = []
+    folder = tmp_path / REQUESTS_FOLDER
+    with ThreadPoolExecutor() as pool:
+        asking = pool.submit(ask_launcher, tmp_path, {"do": "kill", "robot": 3}, 60.0)
+        while not [*folder.glob("*.ask")]:
+            assert not asking.done()
+        stem = next(folder.glob("*.ask")).stem
+        done += json.loads(limited(0, SERVE, tmp_path, json.dumps(refused)))
+        with pytest.raises(RequestError) as caught:
+            asking.result()
+    assert str(caught.value) == f"{became}: {folder / stem}.answer: File too large, on the disk at {disk_of(folder)}"
+    assert done == [{"do": "kill", "robot": 3}]
+    assert [*folder.iterdir()] == []
+
+
+def test_an_order_that_cannot_be_put_is_told_with_the_file_and_its_disk(tmp_path):
+    said = limited(0, ASK, tmp_path)
+    folder = tmp_path / REQUESTS_FOLDER
+    assert said.startswith(f"the launcher cannot be asked: {folder}/")
+    assert said.endswith(f".new: File too large, on the disk at {disk_of(tmp_path)}")
+    assert [*folder.iterdir()] == []
+
+
+def test_an_order_is_carried_out_once_whatever_becomes_of_its_answer(tmp_path, monkeypatch):
+    folder = tmp_path / REQUESTS_FOLDER
+    folder.mkdir()
+    (folder / "a.ask").write_text("{}")
+    done = []
+    monkeypatch.setattr(Path, "write_text", broken_disk)
+    monkeypatch.setattr(Path, "unlink", broken_disk)
+    for _ in range(3):
+        serve_requests(tmp_path, lambda request: done.append(request) or "")
+    assert done == [{}]
+
+
+def broken_disk(*_words, **_options):
+    raise OSError(errno.EROFS, "Read-only file system")
