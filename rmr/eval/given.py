@@ -142,10 +142,10 @@ def read_given(wanted: Wanted) -> Given:
 def _compile(path: Path | SourceText, given: dict[str, bool]) -> Compilation:
     """Return the program in `path`, source or byte-code, as a compilation."""
     if isinstance(path, SourceText):
-        return compile_text(path, given)
+        return compile_text(path, given, closed=True)
     octets = _bytecode(path)
     if octets is None:
-        return compile_file(path, given)
+        return compile_file(path, given, closed=True)
     try:
         return Compilation(SourceText(str(path), ""), codec.decode(octets), [])
     except BytecodeError as error:

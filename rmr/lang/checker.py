@@ -78,12 +78,13 @@ class Checked:
     """What rules over several robots have become; it is among `rules` and `names`."""
 
 
-def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
-    """Analyse `module` and report to `found`; facts of `given` come from outside."""
+def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN, *, closed: bool = False) -> Checked:
+    """Analyse `module` and report to `found`; facts of `given` come from outside, if `closed` no others."""
     # The order matters: constants before sizes, names before types, types before projection, warnings last.
     module = resolve(with_conditions(module), found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
     module, names, types = _analysed(module, found, given)
+    names.closed = closed
     symbols = {
         node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
     }

@@ -48,10 +48,11 @@ class Compilation:
         return [each for each in self.diagnostics if each.severity is Severity.ERROR]
 
 
-def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
+def compile_file(path: Path, given: Given = NOTHING_GIVEN, *, closed: bool = False) -> Compilation:
     """Compile the program in `path`; an unreadable file is a diagnostic as well.
 
-    Facts of the predicates in `given` come from outside: they are never reported as underivable.
+    Facts of the predicates in `given` come from outside: they are never reported as underivable. `closed`: no others
+    do, so that a declaration alone is no reason to expect any.
     """
     try:
         source = read_source(path)
@@ -59,7 +60,7 @@ def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
         span = Span(str(path), 0, 0)
         diagnostic = Diagnostic("E003", str(error), span, error.hint)
         return Compilation(SourceText(str(path), ""), None, [diagnostic], error.usage)
-    return compile_text(source, given)
+    return compile_text(source, given, closed=closed)
 
 
 def compile_source(text: str, file: str = "<string>") -> Compilation:
@@ -67,14 +68,14 @@ def compile_source(text: str, file: str = "<string>") -> Compilation:
     return compile_text(SourceText(file, text))
 
 
-def compile_text(source: SourceText, given: Given = NOTHING_GIVEN) -> Compilation:
-    """Compile a source; `given` as in `compile_file`."""
+def compile_text(source: SourceText, given: Given = NOTHING_GIVEN, *, closed: bool = False) -> Compilation:
+    """Compile a source; `given` and `closed` as in `compile_file`."""
     found = Diagnostics()
     loader = Loader(found)
     module = loader.module(source)
     if not module.items and not found.failed:
         found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))
-    checked = check(module, found, given)
+    checked = check(module, found, given, closed=closed)
     program = None if found.failed else emit(checked, loader.sources)
     if program is not None:
         _report_excess(program, checked, found)

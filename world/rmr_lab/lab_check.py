@@ -90,7 +90,7 @@ def check(path: Path, *, execute: bool = True) -> CheckResult:
     if not lab.program.exists():
         found.findings.append(program_missing(lab))
         return found
-    _load(found, lab.program, [fact.name for fact in lab.stated_facts])
+    _load(found, lab.program, [fact.name for fact in lab.stated_facts], closed=lab.is_closed)
     if found.program is None:
         return found
     found.findings += run_findings(lab, found.program)
@@ -103,10 +103,10 @@ def check(path: Path, *, execute: bool = True) -> CheckResult:
     return found
 
 
-def _load(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
-    """Compile or read the program; facts of the predicates `stated` come from the lab."""
+def _load(found: CheckResult, program: Path, stated: Sequence[str], *, closed: bool = False) -> None:
+    """Compile or read the program; facts of the predicates `stated` come from the lab, if `closed` no others."""
     if program.suffix == ".rmr":
-        _compile(found, program, stated)
+        _compile(found, program, stated, closed=closed)
         return
     try:
         found.program = load_program(program).program
@@ -114,8 +114,8 @@ def _load(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
         found.findings.append(_finding_in(str(error), str(program)))
 
 
-def _compile(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
-    compilation = compile_file(program, dict.fromkeys(stated, False))
+def _compile(found: CheckResult, program: Path, stated: Sequence[str], *, closed: bool = False) -> None:
+    compilation = compile_file(program, dict.fromkeys(stated, False), closed=closed)
     found.diagnostics = compilation.diagnostics
     found.sources = compilation.sources
     found.program = compilation.program

@@ -170,6 +170,11 @@ class Lab:
         return tuple(map(parse_fact, self.facts))
 
     @property
+    def is_closed(self) -> bool:
+        """Whether robots get no facts but `facts` and what their program derives and senses."""
+        return self.actions is None and self.events is None and not self.loads
+
+    @property
     def initial_facts(self) -> tuple[LabFact, ...]:
         """The facts that robots hold at the start: `facts` with random numbers drawn from the seed."""
         indices = self.fact_items or range(len(self.facts))

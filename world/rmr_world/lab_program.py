@@ -38,14 +38,15 @@ class LoadedProgram:
     """Warnings of the compiler, then of validation, rendered; empty when there are none."""
 
 
-def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = ()) -> LoadedProgram:
+def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = (), closed: bool = False) -> LoadedProgram:
     """Return the program in `path`, a ``.rmr`` or ``.rbc`` file. Raises ProgramError with all that is wrong.
 
-    `stated` are predicates with facts in the lab: the compiler does not warn that nothing makes them.
+    `stated` are predicates with facts in the lab: the compiler does not warn that nothing makes them. `closed`: no
+    others come from outside.
     """
     if path.suffix == ".rbc":
         return _load_bytecode(path)
-    compilation = compile_file(path, dict.fromkeys(stated, False))
+    compilation = compile_file(path, dict.fromkeys(stated, False), closed=closed)
     text = render_text(compilation.diagnostics, compilation.sources, color)
     if compilation.program is None:
         raise CompileError(text, to_json(compilation.diagnostics, compilation.sources))
@@ -57,7 +58,8 @@ def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
     """Return the program that `lab` names. Raises LabError if there is no such file, else as `load_program`."""
     if not lab.program.exists():
         raise LabError([program_missing(lab)])
-    return load_program(lab.program, color=color, stated=[fact.name for fact in lab.stated_facts])
+    stated = [fact.name for fact in lab.stated_facts]
+    return load_program(lab.program, color=color, stated=stated, closed=lab.is_closed)
 
 
 def later_programs(lab: Lab, *, durable: bool) -> tuple[tuple[ProgramLoad, LoadedProgram], ...]:

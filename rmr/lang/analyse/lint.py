@@ -141,9 +141,10 @@ class _Lint:
             self._derivations(item)
         for fact, name in self._supply.circular():
             message = f"nothing can be the first to derive `{name}`, what derives it waits for it; {NO_FIRING}"
-            hint = (
-                f"state one to begin with, or declare it if it comes from outside: `type {name}(...)`{_without(fact)}"
-            )
+            hint = "state one to begin with"
+            if self._names.of(fact).declaration is None:
+                hint += f", or declare it if it comes from outside: `type {name}(...)`"
+            hint += _without(fact)
             self._found.report("W102", message, fact.span, hint=hint)
 
     def _unstarted(self) -> None:
@@ -233,9 +234,9 @@ class _Lint:
                 self._unknown_event(fact, what)
         elif not self._supply.comes(name) and name not in self._reported:
             self._reported.add(name)
-            self._found.report(
-                "W102", f"nothing states or derives `{name}`, {what}", fact.span, hint=self._missing(fact)
-            )
+            declared = signature.declaration is not None
+            meant = f"the run is given none either: state one{_without(fact)}" if declared else self._missing(fact)
+            self._found.report("W102", f"nothing states or derives `{name}`, {what}", fact.span, hint=meant)
 
     def _unknown_event(self, fact: FactNode, what: str) -> None:
         kinds = self._names.of(fact).types

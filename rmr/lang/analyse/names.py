@@ -111,6 +111,8 @@ class Names:
     signatures: dict[str, Signature] = field(default_factory=dict)
     uses: list[Use] = field(default_factory=list)
     given: Given = field(default_factory=lambda: NOTHING_GIVEN)
+    closed: bool = False
+    """Whether nothing but `given` comes from outside: no handler, event or other program brings facts."""
     functions: dict[str, FunctionItem] = field(default_factory=dict)
     """The program's own functions."""
 

@@ -1,8 +1,9 @@
 """Reachability of facts: the sources of each predicate, and the rules that can never fire for want of one.
 
-Facts may arrive from outside (a lab, a sensor, an action in Python). A declared predicate may therefore have facts that
-the program never derives; an undeclared one has only those that the program derives. The analysis over-approximates:
-a rule can fire if its facts may exist, and of its conditions only equations of a variable with a constant count.
+Facts may arrive from outside (a lab, a sensor, an action in Python). A declared predicate may therefore have facts
+that the program never derives, unless it is known what arrives; an undeclared one has only those that it derives. The
+analysis over-approximates: a rule can fire if its facts may exist, and of its conditions only equations of a variable
+with a constant count.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,7 +12,7 @@ from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
-from rmr.lang.analyse.names import FactRole, Names, uses
+from rmr.lang.analyse.names import FactRole, Names, Signature, uses
 from rmr.lang.analyse.types import WINNING, constants
 from rmr.lang.read.syntax import (
     AggregateNode,
@@ -108,7 +109,7 @@ class Supply:
             return True
         producers = self._derived.get(name, [])
         # Declared and never derived: the purpose of the declaration is that something outside inserts it.
-        if not producers and signature.declaration is not None:
+        if not producers and self._is_trusted(signature):
             return True
         self._compared += len(producers)
         return self._compared > COMPARED_MAX or any(_may_match(wanted, known, *producer) for producer in producers)
@@ -175,7 +176,14 @@ class Supply:
 
     def _is_outside(self, name: str) -> bool:
         signature = self._names.signatures[name]
-        return signature.provided or signature.declaration is not None or name in self._arriving
+        return signature.provided or self._is_trusted(signature) or name in self._arriving
+
+    def _is_trusted(self, signature: Signature) -> bool:
+        """Whether a declaration is a reason to expect facts from outside: not where it is known what comes from there.
+
+        Temporary facts are the messages of others as well, and are trusted.
+        """
+        return signature.declaration is not None and not (self._names.closed and signature.kind is Kind.PERSISTENT)
 
 
 def only_stated(fact: FactNode, names: Names) -> bool:

@@ -231,3 +231,27 @@ def test_picture_or_schema_that_cannot_be_written_is_wrong_usage(tmp_path):
     assert f"{place}: No such file or directory" in result.output
     result = invoke(command, ["schema", "-o", str(place)])
     assert (result.exit_code, result.output) == (2, f"{place}: No such file or directory\n")
+
+
+BROKEN = "type !broken(robot).\n" + PROGRAM.replace("start(R) -o", "start(R), !broken(R) -o").replace(", pack(R)", "")
+"""`!broken(R)` is meant as `not broken(R)`."""
+
+
+@pytest.mark.parametrize(
+    ("more", "warned"),
+    [
+        ("", True),
+        ('facts: ["broken(@1)"]\n', False),
+        ("actions: actions.py\n", False),  # a handler may insert it
+        ("events: actions.py\n", False),
+        ("loads: [{at: 5.0, program: room.rmr}]\n", False),  # what the other program derives is carried over
+    ],
+)
+def test_a_declared_fact_that_nothing_can_bring_is_told_for_a_lab_that_is_given_no_more(tmp_path, more, warned):
+    lab = LAB.replace("actions: actions.py\n", more).replace("packed(R)", "at(R, yard)")
+    program = "\n".join(line for line in BROKEN.splitlines() if "pack" not in line) + "\n"
+    python = ACTIONS + "\n\ndef events(lab, seed):\n    return []\n"
+    found, _ = listed(room(tmp_path, lab=lab, program=program, actions=python))
+    missing = [(name, line) for name, line, _, message in found if "nothing states or derives `broken`" in message]
+    assert missing == ([("room.rmr", 5)] if warned else [])
+    assert not [message for *_, severity, message in found if severity == "error"]

@@ -5,7 +5,8 @@ from lang_source import codes, places
 
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, value_octets
-from rmr.lang.compiler import compile_source
+from rmr.lang.compiler import compile_source, compile_text
+from rmr.lang.read.source_text import SourceText
 from rmr.node.payloads import (
     FACT_BODY_OCTETS_MAX,
     PARTS_MAX,
@@ -285,3 +286,28 @@ def test_warnings_are_in_source_order():
     spans = [each.span.start for each in compile_source("b(R) -o a(R). ?c(R). d(R), e(R) -o f(R).").diagnostics]
     assert spans == sorted(spans)
     assert places("b(R) -o a(R).")[0] == ("W102", "b(R)")
+
+
+# --- a declared persistent fact that nothing brings
+
+
+WANTED = "type !broken(robot).\nstart(@1).\nstart(R), !broken(R) -o left(R).\nleft(R) -o 1.\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "closed", "code"),
+    [
+        (WANTED, {}, True, "W102"),
+        (WANTED, {}, False, None),  # it may come from outside
+        (WANTED, {"broken": True}, True, None),
+        (WANTED.replace("left(R) -o 1.", "left(R) -o !broken(R)."), {}, True, "W102"),  # a cycle
+        (WANTED + "!broken(@2).\n", {}, True, None),
+        (WANTED.replace("!broken(R) -o", "not broken(R) -o"), {}, True, None),
+        (WANTED.replace("!", "").replace("type ", "type sensor "), {}, True, None),
+    ],
+)
+def test_a_declared_persistent_fact_is_missed_where_all_that_comes_from_outside_is_known(text, given, closed, code):
+    found = compile_text(SourceText("p.rmr", text), given, closed=closed).diagnostics
+    assert [each.code for each in found] == ([] if code is None else [code])
+    if code is not None:
+        assert "that there is none is `not broken(...)`" in (found[0].hint or "")
