@@ -116,6 +116,8 @@ def recover(path: Path) -> Joined:
             raise NothingToDoError(f"{path}: the file is whole: there is nothing to recover")
         if scan.being_written:
             raise UnwritableError(f"{path}: a process is still writing it; end the run first")
+        if any(chunk.compression == "lz4" for chunk in scan.chunks):
+            raise UnwritableError(f"{path}: another tool has compressed it with lz4, which rmr does not read")
         return rewrite(recording, path, None, scan.metadata.get(PARTS_NAME))
 
 

@@ -189,8 +189,11 @@ class Content:
         return values
 
 
-def messages(octets: bytes) -> list[tuple[int, int, bytes]]:
-    """Return the messages among the records of a chunk: instant, channel, data. Raises FormatError."""
+def messages(octets: bytes, channels: list[bytes]) -> list[tuple[int, int, bytes]]:
+    """Return the messages among the records of a chunk: instant, channel, data. Raises FormatError.
+
+    The contents of channel records are added to `channels`: other tools write them into chunks.
+    """
     found: list[tuple[int, int, bytes]] = []
     at = 0
     while at < len(octets):
@@ -203,5 +206,7 @@ def messages(octets: bytes) -> list[tuple[int, int, bytes]]:
         if code == RecordCode.MESSAGE:
             _, _, number, _, instant, _ = MESSAGE_HEAD.unpack_from(octets, at)
             found.append((instant, number, octets[at + MESSAGE_HEAD.size : end]))
+        elif code == RecordCode.CHANNEL:
+            channels.append(octets[at + HEAD.size : end])
         at = end
     return found

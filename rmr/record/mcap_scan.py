@@ -2,7 +2,8 @@
 
 An index is not needed: a file that is still being written, or was cut short, is read up to its last whole record. The
 pass may be continued when the file has grown. Only files of the profile `rmr` are taken: their channels stand outside
-of chunks, and all messages in them.
+of chunks, and all messages in them. A tool that has written one anew may have put channels into chunks, and messages
+outside: such a message counts as a chunk of its own.
 """
 
 import os
@@ -19,6 +20,8 @@ from rmr.record.mcap_format import (
     HEAD,
     MAGIC,
     MAGIC_NAME,
+    MESSAGE_FIXED,
+    MESSAGE_HEAD,
     Content,
     FormatError,
     RecordCode,
@@ -50,6 +53,8 @@ class McapScan:
         self._file = -1
         self._file = _open(path)
         self.channels: dict[int, ScannedChannel] = {}
+        self._searched = False
+        """Whether channels have been looked for in chunks."""
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, AttachmentSpan] = {}
         self.chunks: list[ChunkSpan] = []
@@ -62,15 +67,20 @@ class McapScan:
             self._begin()
             self.extend()
         else:
+            if not self._index.chunks:
+                with suppress(RecordingError):  # a damaged beginning hides nothing of what the index tells
+                    self._begin()
+                    self.extend()
             self._take_index(self._index)
 
     def _take_index(self, index: FileIndex) -> None:
         """Take in what the index tells; a damaged beginning hides nothing then."""
         if all(name != METADATA_NAME for name, _, _ in index.metadata):
             self._begin()
-        self.channels = index.channels
-        self.chunks = index.chunks
-        self.attachments = index.attachments
+            self.extend()
+        self.channels |= index.channels
+        self.chunks = index.chunks or self.chunks
+        self.attachments |= index.attachments
         for name, offset, length in index.metadata:
             with suppress(FormatError):
                 self._note(name, Content(self._read(offset, length)).mapping())
@@ -149,6 +159,13 @@ class McapScan:
             self.chunks.append(self._chunk(offset, length))
         elif code == RecordCode.ATTACHMENT:
             self._attachment(offset, length)
+        elif code == RecordCode.MESSAGE:
+            head = self._read(offset - HEAD.size, MESSAGE_HEAD.size)
+            if length < MESSAGE_FIXED:
+                raise FormatError("a message without its head")
+            at = MESSAGE_HEAD.unpack(head)[4]
+            whole = HEAD.size + length
+            self.chunks.append(ChunkSpan(offset - HEAD.size, whole, at, at, whole, 0, ""))
         elif code in (RecordCode.CHANNEL, RecordCode.METADATA):
             if length > CONTENT_OCTETS_MAX:
                 raise FormatError("a record that is too long")
@@ -156,9 +173,12 @@ class McapScan:
             if code == RecordCode.METADATA:
                 self._note(content.text(), content.mapping())
             else:
-                number = content.number(2)
-                content.number(2)
-                self.channels[number] = ScannedChannel(content.text(), content.text())
+                self._channel(content)
+
+    def _channel(self, content: Content) -> None:
+        number = content.number(2)
+        content.number(2)
+        self.channels[number] = ScannedChannel(content.text(), content.text())
 
     def _note(self, name: str, values: dict[str, str]) -> None:
         """Take in a metadata record; of two of one name the first counts, unless it is damaged and the other is not."""
@@ -229,7 +249,19 @@ class McapScan:
             raise FormatError(f"compression {chunk.compression!r:.20}, which rmr does not read")
         if chunk.crc and zlib.crc32(data) != chunk.crc:
             raise FormatError("a wrong checksum")
-        return messages(data)
+        channels: list[bytes] = []
+        found = messages(data, channels)
+        for content in channels:
+            self._channel(Content(content))
+        return found
+
+    def find_channels(self) -> None:
+        """Look for channels in all chunks, once: another tool writes each into the first chunk that needs it."""
+        if not self._searched:
+            self._searched = True
+            for chunk in self.chunks:
+                with suppress(FormatError):
+                    self.load(chunk)
 
     def close(self) -> None:
         """Close the file."""

@@ -145,13 +145,18 @@ class Recording:
         scan = self.parts[number].scan
         chunk = scan.chunks[place]
         try:
-            return scan.load(chunk)
+            found = scan.load(chunk)
         except FormatError as error:
             self.add_problem(
                 f"{scan.name}: what was recorded from {in_seconds(chunk.begin):.3f} s to {in_seconds(chunk.end):.3f} s "
                 f"is damaged and left out ({error})"
             )
             return []
+        if any(channel not in scan.channels for _, channel, _ in found):
+            scan.find_channels()
+        if any(channel not in scan.channels for _, channel, _ in found):
+            self.add_problem(f"{scan.name}: messages of which the file does not say what they are, are left out")
+        return found
 
     def check(self) -> bool:
         """Return whether no file is damaged, by checksums of all octets; a problem for each that is."""
