@@ -16,8 +16,9 @@ from rich.console import Console
 
 from rmr.bus import wire
 from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.middleware import NotAdmittedError
 from rmr.bus.secret import SecretError, read_secret
-from rmr.bus.session import NotAdmittedError, open_when_there
+from rmr.bus.session import open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_deploy.lab_run import make_report

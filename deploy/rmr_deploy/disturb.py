@@ -17,8 +17,9 @@ from rmr.bus import wire
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
+from rmr.bus.middleware import NobodyThereError
 from rmr.bus.secret import SecretError, read_secret
-from rmr.bus.session import Bus, NobodyThereError, open_bus
+from rmr.bus.session import Bus, open_bus
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance

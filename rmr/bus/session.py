@@ -17,40 +17,21 @@ itself and declares again what was declared; before the first connection `open_w
 """
 
 import asyncio
-import json
-import os
-import re
 import time
 from collections.abc import Callable
 from typing import Any
 
-RUNTIME = (
-    "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), app: (worker_threads: 1))"
-)
-"""zenoh's thread pools, merged into one thread: fifty robots share a few cores."""
+import zenoh
+from zenoh.handlers import Callback
 
-os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read once, when the first session is opened
-
-import zenoh  # noqa: E402 - after the environment it reads
-from zenoh.handlers import Callback  # noqa: E402
-
-from rmr.bus import admission, wire  # noqa: E402
-from rmr.bus.checks import MalformedError  # noqa: E402
-from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
-from rmr.bus.line import Handler, Line, Listener  # noqa: E402
-from rmr.bus.losses import Losses  # noqa: E402
-from rmr.bus.message_parts import cut  # noqa: E402
-from rmr.bus.secret import Secret  # noqa: E402
-
-LEASE_MS = 3000
-"""Lease of a connection: a peer that is silent for longer counts as gone."""
-
-RETRY_FIRST_MS = 100
-RETRY_MAX_MS = 1000
-"""First and longest pause between attempts to connect; it doubles in between."""
-
-HANDSHAKE_MS = 1500
-"""Limit for the answer of a router that has accepted the connection; a stopped process never answers."""
+from rmr.bus import wire
+from rmr.bus.checks import MalformedError
+from rmr.bus.endpoint import BusError
+from rmr.bus.line import Handler, Line, Listener
+from rmr.bus.losses import Losses
+from rmr.bus.message_parts import cut
+from rmr.bus.middleware import RETRY_FIRST_MS, RETRY_MAX_MS, NobodyThereError, NotAdmittedError, open_session
+from rmr.bus.secret import Secret
 
 EAGER_TRIES = 50
 """Attempts with the first pause before it doubles: processes that start together connect without delay."""
@@ -71,55 +52,6 @@ REFUSALS_REPORTED = 2
 """Refusals in a row after which a client that has lost its router is notified."""
 
 
-class InUseError(BusError):
-    """Another process listens at the address already."""
-
-
-class NobodyThereError(BusError):
-    """No router answers at the endpoint (yet)."""
-
-
-class NotAdmittedError(NobodyThereError):
-    """What listens at the endpoint does not let this session in, or does not know its secret."""
-
-
-def _config(listen: str | None, connect: str | None, secret: Secret | None = None) -> Any:
-    settings = {
-        "mode": "client" if listen is None else "router",
-        "listen/endpoints": [] if listen is None else [listen],
-        "connect/endpoints": [] if connect is None else [connect],
-        "connect/timeout_ms": 0,
-        "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": RETRY_FIRST_MS,
-            "period_max_ms": RETRY_MAX_MS,
-            "period_increase_factor": 2,
-        },
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 0,
-        "transport/link/tx/lease": LEASE_MS,
-        "transport/unicast/open_timeout": HANDSHAKE_MS,
-        "transport/unicast/accept_timeout": HANDSHAKE_MS,
-        **({} if secret is None else secret.settings(is_router=listen is not None)),
-    }
-    config = zenoh.Config()
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def _explain(error: Exception, listen: str | None, connect: str | None) -> BusError:
-    """Return zenoh's error as one that says what to do."""
-    text = str(error)
-    if "Address already in use" in text:
-        return InUseError(f"{listen} is in use")
-    if "Unable to connect" in text or "Timeout" in text:
-        return NobodyThereError(f"nobody listens at {connect}")
-    reason = re.sub(r"\s+at \S+\.rs:\d+\.?", "", text)
-    return BusError(f"cannot use {listen or connect}: {reason}")
-
-
 def open_bus(
     sender: int, *, listen: str | None = None, connect: str | None = None, secret: Secret | None = None
 ) -> "Bus":
@@ -129,28 +61,7 @@ def open_bus(
     uses only a router that does. Must run on the event loop. Raises BusError (a bad endpoint, an address in use),
     `NobodyThereError` when no router answers at `connect` and `NotAdmittedError` when it does not let this client in.
     """
-    return Bus(Line(_open_session(listen, connect, secret)), sender, is_client=listen is None)
-
-
-def _open_session(listen: str | None, connect: str | None, secret: Secret | None) -> Any:
-    """Return a session of zenoh. Raises as `open_bus` does; may be called on any thread."""
-    for endpoint in (listen, connect):
-        if endpoint is not None:
-            check_endpoint(endpoint)
-    began_s = time.monotonic()
-    try:
-        session: Any = zenoh.open(_config(listen, connect, secret))
-    except zenoh.ZError as error:
-        explained = _explain(error, listen, connect)
-        in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else the router is overloaded or stopped
-        if connect and isinstance(explained, NobodyThereError) and in_time:
-            refusal = admission.refusal(connect, secret)
-            explained = explained if refusal is None else NotAdmittedError(refusal)
-        raise explained from None
-    if connect and secret is not None and secret.router not in map(str, session.info.routers_zid()):
-        session.close()
-        raise NotAdmittedError(admission.impostor(connect, secret))
-    return session
+    return Bus(Line(open_session(listen, connect, secret)), sender, is_client=listen is None)
 
 
 async def open_when_there(
@@ -195,7 +106,7 @@ async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refus
             refusals = 0
             continue
         try:
-            (await asyncio.to_thread(_open_session, None, connect, secret)).close()
+            (await asyncio.to_thread(open_session, None, connect, secret)).close()
         except NotAdmittedError as error:
             refusals += 1
             if refusals == REFUSALS_REPORTED:

@@ -56,12 +56,13 @@ def free_endpoint():
 class Started:
     """One process under test, its standard error in a file."""
 
-    def __init__(self, command, errors, lifeline=None):
+    def __init__(self, command, errors, lifeline=None, before=()):
+        """`before` are words before the command, such as those that run it on another host."""
         self.errors = errors
         environment = os.environ | ({LIFELINE: str(lifeline)} if lifeline is not None else {})
         with errors.open("wb") as stream:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", *command],
+                [*before, sys.executable, "-m", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=stream,
@@ -104,9 +105,9 @@ def wait_until(claim, what=lambda: "it"):
 class Stage:
     """A folder with a lab and byte-code, an endpoint, and the processes started in it."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, endpoint: str | None = None):
         self.folder = folder
-        self.endpoint = free_endpoint()
+        self.endpoint = endpoint or free_endpoint()
         self.started = []
         (folder / "lab.yaml").write_text(LAB)
         (folder / "idle.rbc").write_bytes(idle_program())

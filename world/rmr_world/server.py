@@ -20,9 +20,10 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
+from rmr.bus.middleware import LEASE_MS
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
-from rmr.bus.session import LEASE_MS, Bus
+from rmr.bus.session import Bus
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.incarnation_claims import IncarnationClaims

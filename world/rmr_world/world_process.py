@@ -14,6 +14,7 @@ from rmr.bus import refusals, wire
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
 from rmr.bus.keys import Keys
+from rmr.bus.middleware import InUseError
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
     Ending,
@@ -25,7 +26,7 @@ from rmr.bus.process import (
 )
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
-from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
+from rmr.bus.session import Bus, open_bus, open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_world.finding import LabError

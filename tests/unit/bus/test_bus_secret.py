@@ -12,8 +12,9 @@ from bus_star import free_endpoint, until
 
 from rmr.bus import session, wire
 from rmr.bus.endpoint import BusError
+from rmr.bus.middleware import NobodyThereError, NotAdmittedError
 from rmr.bus.secret import SecretError, make_secret, read_secret
-from rmr.bus.session import NobodyThereError, NotAdmittedError, open_bus, open_when_there
+from rmr.bus.session import open_bus, open_when_there
 
 
 @pytest.fixture

@@ -2,17 +2,19 @@
 
 import asyncio
 import json
+import os
 import socket
 import time
 
 import pytest
 from bus_star import FRAME, free_endpoint, on_a_star, until
 
-from rmr.bus import session, wire
+from rmr.bus import middleware, wire
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem
+from rmr.bus.middleware import POOLS_VARIABLE, NobodyThereError
 from rmr.bus.occupant import who_listens
-from rmr.bus.session import NobodyThereError, open_bus, open_when_there
+from rmr.bus.session import open_bus, open_when_there
 
 
 def test_what_one_client_publishes_reaches_the_other_through_the_router_in_order():
@@ -107,11 +109,8 @@ def test_retired_publisher_continues_its_sequence_numbers():
 
 def test_query_gets_a_reply_with_arrival_time_from_every_server():
     async def scene(router, one, two):
-        arrivals = []
-
         def answer(message, arrived):
-            arrivals.append(arrived)
-            return wire.Clock("running", message.sender, 7)
+            return wire.Clock("running", arrived, message.sender)
 
         router.serve("rmr/a/clock", answer)
         two.serve("rmr/b/clock", answer)
@@ -120,8 +119,8 @@ def test_query_gets_a_reply_with_arrival_time_from_every_server():
             asked = time.monotonic_ns()
             replies = await one.ask("rmr/*/clock", wire.AskClock(), 1.0)
         assert {envelope.sender for envelope, _ in replies} == {wire.WORLD_ID, 2}
-        assert all(envelope.body == wire.Clock("running", 1, 7) for envelope, _ in replies)
-        assert all(asked < arrived < received for arrived in arrivals[-2:] for _, received in replies)
+        assert [(envelope.body.state, envelope.body.stamp) for envelope, _ in replies] == [("running", 1)] * 2
+        assert all(asked < envelope.body.arrived < received for envelope, received in replies)
 
     on_a_star(scene)
 
@@ -198,6 +197,18 @@ def test_a_client_knows_when_it_loses_its_router_and_when_another_takes_its_plac
         router.close()
 
     asyncio.run(play())
+
+
+@pytest.mark.parametrize("chosen", [None, "()"])
+def test_processes_that_are_started_from_here_have_the_threads_that_the_user_chose(monkeypatch, chosen):
+    monkeypatch.delenv(POOLS_VARIABLE, raising=False)
+    if chosen is not None:
+        monkeypatch.setenv(POOLS_VARIABLE, chosen)
+
+    async def scene(_router, _one):
+        assert os.environ.get(POOLS_VARIABLE) == chosen
+
+    on_a_star(scene, clients=1)
 
 
 def test_after_closing_nothing_is_sent_and_nothing_arrives():
@@ -293,8 +304,8 @@ def test_an_address_that_is_not_this_machines_cannot_be_listened_on():
 
 
 def test_the_session_follows_the_rules_of_the_star():
-    config = session._config("tcp/127.0.0.1:1", None)
-    client = session._config(None, "tcp/127.0.0.1:1")
+    config = middleware._config("tcp/127.0.0.1:1", None)
+    client = middleware._config(None, "tcp/127.0.0.1:1")
     assert json.loads(config.get_json("mode")) == "router"
     assert json.loads(client.get_json("mode")) == "client"
     for each in (config, client):
