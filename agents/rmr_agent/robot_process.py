@@ -8,8 +8,7 @@ import asyncio
 import logging
 from collections.abc import Sequence
 
-from rmr.bus.admission import stranger
-from rmr.bus.endpoint import host_problem
+from rmr.bus.admission import why_no_session
 from rmr.bus.process import Ending, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret
@@ -32,7 +31,7 @@ async def live(
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
     whose = f"lab {lab}'s" if lab else "the"
     waiting = Throttle(
-        lambda: log.info("waiting for %s world at %s%s", whose, connect, host_problem(connect) or stranger(connect)),
+        lambda: log.info("waiting for %s world at %s%s", whose, connect, why_no_session(connect)),
         SAY_AGAIN_S,
     )
     opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting, secret))

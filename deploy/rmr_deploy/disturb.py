@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
-from rmr.bus.admission import stranger
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
+from rmr.bus.admission import why_no_session
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
 from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.middleware import NobodyThereError
 from rmr.bus.secret import SecretError, read_secret
@@ -114,11 +114,8 @@ def opened(place: WorldAddress) -> Iterator[Bus]:
     except SecretError as error:
         raise FleetError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
-        problem = host_problem(endpoint)
-        foreign = stranger(endpoint)
-        raise FleetError(
-            f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", ExitCode.FAILED
-        ) from None
+        why = why_no_session(endpoint)
+        raise FleetError(f"no world at {endpoint}{why}" if why else str(error), ExitCode.FAILED) from None
     except BusError as error:
         raise FleetError(str(error), ExitCode.FAILED) from None
     try:

@@ -1,20 +1,24 @@
-"""The reason for which a router refuses a client, for an error message.
+"""The reason for which a client gets no session at an endpoint, for an error message.
 
 zenoh reports a refusal and a missing router in the same words, "unable to connect". So the endpoint is
 asked once more, with the first message of zenoh's handshake (InitSyn, protocol version 9) and no credentials. A router
-with a secret answers with Close, one without with InitAck, any other program with something else or nothing.
+with a secret answers with Close, one without with InitAck, any other program with something else. What answers nothing
+in time may be either: another program, or a world whose process is stopped, or busy, or far away.
 """
 
-import contextlib
 import os
 import socket
 from typing import Final
 
-from rmr.bus.endpoint import ENDPOINT
+from rmr.bus.endpoint import ENDPOINT, host_problem
 from rmr.bus.secret import SECRET_FILE, Secret
 
 ANSWER_S: Final = 0.5
 """Limit for a program at an endpoint to accept the connection, and then to answer."""
+
+FOREIGN: Final = -1
+SILENT: Final = -2
+"""In place of a kind of message: what no router says, and nothing within `ANSWER_S`."""
 
 ID_OCTETS: Final = 16
 """Length of a session's id, which is drawn at random."""
@@ -58,16 +62,21 @@ def refusal(endpoint: str, secret: Secret | None) -> str | None:
     return None
 
 
-def stranger(endpoint: str) -> str:
-    """Return a clause that says so, `: ` before it, where something accepts connections but answers no handshake.
+def why_no_session(endpoint: str) -> str:
+    """Return why no session opens at a valid endpoint, as far as it shows there, `: ` before it; else nothing.
 
-    Empty where nobody does, a router does, or the protocol is not plain TCP.
+    Takes `RESOLVE_S_MAX` and twice `ANSWER_S` at most.
     """
-    match = ENDPOINT.fullmatch(endpoint)
-    if match is None or match[1] != "tcp" or _first_answer(endpoint) is not None:
-        return ""
-    with contextlib.suppress(OSError), socket.create_connection((match[2].strip("[]"), int(match[3])), ANSWER_S):
+    if problem := host_problem(endpoint):
+        return problem
+    kind = _first_answer(endpoint)
+    if kind == FOREIGN:
         return ": a program listens there that does not answer as a world does; choose another endpoint"
+    if kind == SILENT:
+        return (
+            f": what listens there has not answered within {ANSWER_S:g} s; it is a world that is stopped or busy, "
+            "or another program"
+        )
     return ""
 
 
@@ -80,18 +89,26 @@ def impostor(endpoint: str, secret: Secret) -> str:
 
 
 def _first_answer(endpoint: str) -> int | None:
-    """Return the kind of message that a router answers to an InitSyn; None where none does in time."""
+    """Return the kind of message that is answered to an InitSyn, `FOREIGN` or `SILENT`.
+
+    None where nobody accepts the connection, or the protocol is not plain TCP.
+    """
     match = ENDPOINT.fullmatch(endpoint)
     if match is None or match[1] != "tcp":
         return None
     asked = bytes([INIT, VERSION, (ID_OCTETS - 1) << 4 | CLIENT]) + os.urandom(ID_OCTETS)
-    with (
-        contextlib.suppress(OSError),
-        socket.create_connection((match[2].strip("[]"), int(match[3])), ANSWER_S) as connection,
-    ):
-        connection.sendall(len(asked).to_bytes(LENGTH_OCTETS, "little") + asked)
-        answer = connection.recv(ANSWER_OCTETS_MAX)
-        length = int.from_bytes(answer[:LENGTH_OCTETS], "little")
-        if length and len(answer) == LENGTH_OCTETS + length:
-            return answer[LENGTH_OCTETS] & MESSAGE
-    return None
+    try:
+        connection = socket.create_connection((match[2].strip("[]"), int(match[3])), ANSWER_S)
+    except OSError:
+        return None
+    with connection:
+        try:
+            connection.sendall(len(asked).to_bytes(LENGTH_OCTETS, "little") + asked)
+            answer = connection.recv(ANSWER_OCTETS_MAX)
+        except TimeoutError:
+            return SILENT
+        except OSError:
+            return FOREIGN
+    length = int.from_bytes(answer[:LENGTH_OCTETS], "little")
+    whole = length and len(answer) == LENGTH_OCTETS + length
+    return answer[LENGTH_OCTETS] & MESSAGE if whole else FOREIGN

@@ -1,7 +1,9 @@
 """Endpoints: where a router listens, as people write it. Imports no zenoh, so that help costs little."""
 
+import math
 import re
 import socket
+import time
 from ipaddress import ip_address
 from threading import Thread
 
@@ -18,6 +20,12 @@ ENCRYPTED = re.compile(r"(tls|quic)/.*")
 
 RESOLVE_S_MAX = 2.0
 """How long a name may take to be found."""
+
+RESOLVE_AGAIN_S = 1.0
+"""Time for which a host that was not found is not looked for again."""
+
+_not_found: dict[str, float] = {}
+"""When each host that was not found was looked for last, monotonic seconds."""
 
 
 class BusError(Exception):
@@ -64,13 +72,20 @@ def host_problem(endpoint: str) -> str:
     try:
         ip_address(host)
     except ValueError:
-        found: list[bool] = []
-        lookup = Thread(target=lambda: found.append(_resolves(host)), daemon=True)
-        lookup.start()
-        lookup.join(RESOLVE_S_MAX)
-        if found != [True]:
+        if time.monotonic() - _not_found.get(host, -math.inf) < RESOLVE_AGAIN_S or not _found(host):
             return f": there is no host {host}"
     return ""
+
+
+def _found(host: str) -> bool:
+    """Return whether `host` has an address, after `RESOLVE_S_MAX` at most."""
+    found: list[bool] = []
+    lookup = Thread(target=lambda: found.append(_resolves(host)), daemon=True)
+    lookup.start()
+    lookup.join(RESOLVE_S_MAX)
+    if found != [True]:
+        _not_found[host] = time.monotonic()
+    return found == [True]
 
 
 def _resolves(host: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 
 from rmr.bus import admission
-from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.endpoint import BusError, check_endpoint, host_problem
 from rmr.bus.secret import Secret
 
 POOLS_VARIABLE = "ZENOH_RUNTIME"
@@ -104,6 +104,11 @@ def open_session(listen: str | None, connect: str | None, secret: Secret | None)
     for endpoint in (listen, connect):
         if endpoint is not None:
             check_endpoint(endpoint)
+    # zenoh would look for a host as long as the system does.
+    if listen and (problem := host_problem(listen)):
+        raise BusError(f"cannot use {listen}{problem}")
+    if connect and (problem := host_problem(connect)):
+        raise NobodyThereError(f"nobody listens at {connect}{problem}")
     began_s = time.monotonic()
     try:
         with _thread_pools(routes=listen is not None):

@@ -1,8 +1,10 @@
 """Identifies the program that occupies the address at which a world is to listen, for an error message."""
 
 from rmr.bus import wire
+from rmr.bus.admission import why_no_session
 from rmr.bus.endpoint import BusError
 from rmr.bus.keys import ANY_LAB, Keys
+from rmr.bus.middleware import NotAdmittedError
 from rmr.bus.session import open_bus
 
 ASK_S = 1.0
@@ -18,8 +20,10 @@ async def who_listens(endpoint: str) -> str:
         endpoint = endpoint.replace(f"/{host}:", "/127.0.0.1:")
     try:
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
+    except NotAdmittedError:
+        return "a world with a secret runs there; end it, or choose another --listen"
     except BusError:
-        return "another program listens there; choose another --listen"
+        return why_no_session(endpoint).removeprefix(": ") or "another program listens there; choose another --listen"
     try:
         question = wire.AskDisturbances("list", None)
         replies = await bus.ask(Keys(ANY_LAB).disturbances, question, ASK_S)

@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from rmr.bus import refusals, wire
-from rmr.bus.admission import stranger
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
+from rmr.bus.admission import why_no_session
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
 from rmr.bus.keys import Keys
 from rmr.bus.middleware import InUseError
 from rmr.bus.occupant import who_listens
@@ -111,7 +111,7 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
             raise BusError(f"{error}: {await who_listens(endpoint)}") from None
     router = options.connect
     say = Throttle(
-        lambda: log.info("waiting for the router at %s%s", router, host_problem(router) or stranger(router)),
+        lambda: log.info("waiting for the router at %s%s", router, why_no_session(router)),
         SAY_AGAIN_S,
     )
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say, secret))

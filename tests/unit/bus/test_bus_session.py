@@ -1,19 +1,24 @@
 """Sessions on loopback: a router and its clients in one process, each behind `Bus`."""
 
 import asyncio
+import contextlib
 import json
 import os
 import socket
+import socketserver
+import threading
 import time
 
 import pytest
 from bus_star import FRAME, free_endpoint, on_a_star, until
 
+from rmr.bus import endpoint as endpoint_module
 from rmr.bus import middleware, wire
-from rmr.bus.admission import stranger
+from rmr.bus.admission import why_no_session
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem
 from rmr.bus.middleware import POOLS_VARIABLE, NobodyThereError
 from rmr.bus.occupant import who_listens
+from rmr.bus.secret import make_secret, read_secret
 from rmr.bus.session import open_bus, open_when_there
 
 
@@ -279,8 +284,23 @@ def test_unknown_host_is_reported():
     assert host_problem("tcp/127.0.0.1:1") == host_problem("tcp/[::1]:1") == host_problem("tcp/localhost:1") == ""
 
 
+def test_host_that_the_system_looks_for_without_end_is_told_in_bounded_time_and_not_looked_for_twice(monkeypatch):
+    over = threading.Event()
+    monkeypatch.setattr(endpoint_module, "RESOLVE_S_MAX", 0.05)
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_: over.wait())
+    try:
+        with pytest.raises(NobodyThereError, match="nobody listens at tcp/lost:1: there is no host lost"):
+            open_bus(1, connect="tcp/lost:1")
+        with pytest.raises(BusError, match="cannot use tcp/lost-too:1: there is no host lost-too"):
+            open_bus(wire.WORLD_ID, listen="tcp/lost-too:1")
+        monkeypatch.setattr(endpoint_module, "RESOLVE_S_MAX", 3600.0)
+        assert host_problem("tcp/lost:1") == ": there is no host lost"
+    finally:
+        over.set()
+
+
 @pytest.mark.medium
-def test_listener_on_an_endpoint_is_identified_as_zenoh_or_other_program():
+def test_listener_on_an_endpoint_is_identified(tmp_path):
     async def play():
         endpoint = free_endpoint()
         router = open_bus(wire.WORLD_ID, listen=endpoint)
@@ -288,11 +308,33 @@ def test_listener_on_an_endpoint_is_identified_as_zenoh_or_other_program():
             assert (await who_listens(endpoint)).startswith("a zenoh router without a world of rmr runs there")
         finally:
             router.close()
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            said = await who_listens(f"tcp/127.0.0.1:{server.getsockname()[1]}")
-        assert said == "another program listens there; choose another --listen"
+        make_secret(tmp_path / "secret")
+        router = open_bus(wire.WORLD_ID, listen=endpoint, secret=read_secret(tmp_path / "secret"))
+        try:
+            assert await who_listens(endpoint) == "a world with a secret runs there; end it, or choose another --listen"
+        finally:
+            router.close()
+        with mail_server() as foreign:
+            said = await who_listens(foreign)
+        assert said == "a program listens there that does not answer as a world does; choose another endpoint"
 
     asyncio.run(play())
+
+
+class Banner(socketserver.BaseRequestHandler):
+    """Greets, as servers of mail do."""
+
+    def handle(self):
+        self.request.sendall(b"220 ready\r\n")
+
+
+@contextlib.contextmanager
+def mail_server():
+    """Serve, at the endpoint that it yields, something that is not zenoh."""
+    with socketserver.TCPServer(("127.0.0.1", 0), Banner) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"tcp/127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
 
 
 def test_an_address_that_is_not_this_machines_cannot_be_listened_on():
@@ -314,8 +356,13 @@ def test_the_session_follows_the_rules_of_the_star():
         assert json.loads(each.get_json("connect/exit_on_failure")) is False
 
 
-def test_program_that_is_no_router_is_distinguished_from_a_free_port():
+@pytest.mark.medium
+def test_what_listens_at_an_endpoint_is_called_another_program_only_if_it_answers_as_one():
+    silent = "has not answered within 0.5 s; it is a world that is stopped or busy, or another program"
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        assert "a program listens there that does not answer as a world does" in stranger(endpoint)
-    assert stranger(endpoint) == stranger("udp/127.0.0.1:1") == ""
+        assert silent in why_no_session(endpoint)
+        assert silent in asyncio.run(who_listens(endpoint))
+    assert why_no_session(endpoint) == why_no_session("udp/127.0.0.1:1") == ""
+    with mail_server() as foreign:
+        assert "a program listens there that does not answer as a world does" in why_no_session(foreign)
