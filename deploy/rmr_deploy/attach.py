@@ -1,7 +1,8 @@
 """`rmr attach`: table and report of a lab whose processes were started by hand, as `rmr up` shows those of its own.
 
 It is a client of the bus that watches: robots come and go by their liveliness, and the run is over when the quorum of
-the lab file holds the finish fact, when lab time stops, or on Ctrl-C. It starts and ends no process.
+the lab file holds the finish fact, when lab time stops, or on Ctrl-C. A world that falls silent is waited for; without
+it nothing is known of the robots, so the watching ends when it has not returned in time. It starts and ends no process.
 """
 
 import asyncio
@@ -15,7 +16,8 @@ from pathlib import Path
 from rich.console import Console
 
 from rmr.bus import wire
-from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.admission import why_no_session
+from rmr.bus.endpoint import BusError, check_endpoint, host_problem
 from rmr.bus.middleware import NotAdmittedError
 from rmr.bus.secret import SecretError, read_secret
 from rmr.bus.session import open_when_there
@@ -24,7 +26,7 @@ from rmr.entry.files import unreadable
 from rmr_deploy.lab_run import make_report
 from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, read_lab, read_program
 from rmr_deploy.run_choice import FleetError
-from rmr_deploy.run_end import judged_end
+from rmr_deploy.run_end import judged_end, names
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import RobotLine, Screen, make_screen, table
 from rmr_deploy.status_monitor import StatusMonitor
@@ -34,10 +36,10 @@ from rmr_world.lab_file import lab_path
 from rmr_world.quorum import NEVER_CAME, Fate
 
 POLL_S = 0.1
+WORLD_SILENT_S = 3.0
+"""Silence of the world after which it is said: it tells its status twice a second."""
 LAST_S = 1.0
 """Time for the last statuses after the finish: robots tell theirs at least once a second."""
-
-CUT_OFF = "the world does not answer any more: waiting until it is back; Ctrl-C ends the watching"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class AttachOptions:
     as_json: bool
     strict: bool
     timeout_s: float
-    """Limit for the world to answer."""
+    """Limit for the world to answer, and to be heard of again."""
 
 
 def attach(options: AttachOptions) -> int:
@@ -81,7 +83,7 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
     monitor = await _monitor(plan.lab, options)
     screen = make_screen(json=options.as_json)
     try:
-        await _until_over(plan.lab, monitor, screen, outcome)
+        await _until_over(plan.lab, monitor, screen, outcome, options)
     finally:
         screen.close()
     with suppress(TimeoutError):
@@ -102,6 +104,8 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
 async def _monitor(lab: Lab, options: AttachOptions) -> StatusMonitor:
     """Return the monitor once the world's router answers and a process of the lab has told its status."""
     secret = None if options.secret is None else read_secret(options.secret)
+    if problem := host_problem(options.connect):
+        raise FleetError(f"no world at {options.connect}{problem}", ExitCode.FAILED)
     opening = open_when_there(wire.OPERATOR_ID, options.connect, lambda: None, secret)
     try:
         async with asyncio.timeout(options.timeout_s):
@@ -110,26 +114,31 @@ async def _monitor(lab: Lab, options: AttachOptions) -> StatusMonitor:
                 await asyncio.sleep(POLL_S)
     except TimeoutError:
         message = f"no world of lab {lab.name} answers at {options.connect} within {options.timeout_s:g} s"
+        message += why_no_session(options.connect)
         raise FleetError(message, ExitCode.FAILED) from None
     return monitor
 
 
-async def _until_over(lab: Lab, monitor: StatusMonitor, screen: Screen, outcome: RunOutcome) -> None:
+async def _until_over(
+    lab: Lab, monitor: StatusMonitor, screen: Screen, outcome: RunOutcome, options: AttachOptions
+) -> None:
     """Show the robots until the run is over; `outcome` says how it ended, and who was not there then."""
-    cut_off = False
+    lost = False
     while not outcome.reason:
-        if monitor.connected:
-            outcome.absent = _absent(lab, monitor)
-            lines = [RobotLine(robot, *_line(robot, monitor)) for robot in lab.roster]
-            screen.show(monitor.now_s if monitor.running(lab.roster) else None, lines)
-        elif not cut_off and not (monitor.world is not None and monitor.world.final):
-            screen.say(CUT_OFF)
-        cut_off = not monitor.connected
+        if lost != (monitor.world_silent_s > WORLD_SILENT_S):
+            lost = not lost
+            missed = f"{_silence(lab, monitor, options)}; waiting for it to return"
+            screen.say(missed if lost else f"the world of lab {lab.name} is back")
+        outcome.absent = _absent(lab, monitor)
+        lines = [RobotLine(robot, *_line(robot, monitor)) for robot in lab.roster]
+        screen.show(monitor.now_s if monitor.running(lab.roster) else None, lines)
         await asyncio.sleep(POLL_S)
         if outcome.interrupted:
-            outcome.reason = "interrupted; the lab goes on"
+            outcome.reason = f"interrupted; {_silence(lab, monitor, options) if lost else 'the lab goes on'}"
         elif monitor.world is not None and monitor.world.final:
             outcome.reason = "the world has ended"
+        elif monitor.world_silent_s > max(options.timeout_s, WORLD_SILENT_S):
+            outcome.reason = _silence(lab, monitor, options)
         elif _all_came(lab, outcome) and monitor.running(lab.roster):
             outcome.finished, outcome.reason = judged_end(lab, monitor, outcome.absent)
 
@@ -137,6 +146,15 @@ async def _until_over(lab: Lab, monitor: StatusMonitor, screen: Screen, outcome:
 def _all_came(lab: Lab, outcome: RunOutcome) -> bool:
     """Return whether all robots of the lab have been there, and one is there still: before, nothing is judged."""
     return NEVER_CAME not in outcome.absent.values() and len(outcome.absent) < len(lab.roster)
+
+
+def _silence(lab: Lab, monitor: StatusMonitor, options: AttachOptions) -> str:
+    """Return what is known of a world that is not heard of any more, and of its robots."""
+    where = "a router answers there, but not the world" if monitor.connected else "the connection is lost"
+    told = f"no word of the world of lab {lab.name} at {options.connect} for {monitor.world_silent_s:.0f} s ({where})"
+    robots = sorted(monitor.present)
+    were = "was" if len(robots) == 1 else "were"
+    return f"{told}; at {monitor.now_s:.1f} s of lab time {names(robots)} {were} there" if robots else told
 
 
 def _absent(lab: Lab, monitor: StatusMonitor) -> dict[int, Fate]:

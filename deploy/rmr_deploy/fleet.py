@@ -124,7 +124,7 @@ def _declare_attach(parser: "Parser") -> None:
     parser.positional("lab", "LAB", read=existing_lab)
     parser.option("--connect", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="Where the world listens.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, if it has one.")
-    limit = "Seconds for the world to answer."
+    limit = "Seconds for the world to answer, and to return."
     parser.option("-t", "--timeout", dest="timeout_s", metavar="S", read=real(0), default="10", help=limit)
     parser.flag("--json", dest="as_json", help="The report on standard output, all else on standard error.")
     parser.flag("--strict", help="Exit code 4 when a deadline was missed or robots touched.")

@@ -7,10 +7,14 @@ the last one of each sender is marked as final.
 After the process of a robot has ended, the robot is absent until the liveliness token of another process shows. What
 was published under the session number of the ended process then belongs to an earlier incarnation.
 
+Where the router is gone, all tokens vanish and nothing is known of anybody: robots count as present until the
+connection is back and their tokens have not come with it.
+
 In the name of a robot whose token is there, or of the world, several sessions may speak: a process and the next one, or
 forged messages. The one that was heard first is believed, unless it has fallen silent or lost its token.
 """
 
+import asyncio
 import math
 import time
 from collections import defaultdict
@@ -29,6 +33,11 @@ from rmr_world.quorum import DIED, NEVER_CAME, STOPPED, Fate
 AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
 
+
+JUDGE_S: Final = 0.2
+"""Time after a token has vanished in which a loss of the connection shows."""
+RETURN_S: Final = 3.0
+"""Time in which robots are back after the connection is: they try again once a second."""
 
 SILENT_S: Final = 10.0
 """Time without a status after which a session is taken for over: a process sends two a second."""
@@ -69,9 +78,13 @@ class StatusMonitor:
         self.world: wire.Status | None = None
         self.truth: wire.Truth | None = None
         self.present: set[int] = set()
-        """Robots with a liveliness token."""
+        """Robots with a liveliness token, and those whose tokens have vanished with the connection."""
         self._came: set[int] = set()
         """Robots that have had one."""
+        self._vanished: set[int] = set()
+        """Those of `present` that have lost their token."""
+        self._world_heard_s = time.monotonic()
+        """When the world was last heard of, monotonic seconds; at first the beginning."""
         self._sessions: dict[int, int] = {}
         """Session number of each robot's newest status."""
         self._speakers: defaultdict[int, _Speakers] = defaultdict(_Speakers)
@@ -100,6 +113,7 @@ class StatusMonitor:
         if message.sender == wire.WORLD_ID:
             if self._speaks(message):
                 self.world = message.body
+                self._world_heard_s = time.monotonic()
         elif (
             message.sender >= 0
             and message.run not in self._dead_sessions.get(message.sender, ())
@@ -113,6 +127,7 @@ class StatusMonitor:
     def _truth(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Truth) and message.sender == wire.WORLD_ID and self._speaks(message):
             self.truth = message.body
+            self._world_heard_s = time.monotonic()
 
     def _speaks(self, message: wire.Envelope) -> bool:
         """Return whether `message` is of the session that is believed to be its sender's."""
@@ -120,13 +135,26 @@ class StatusMonitor:
 
     def _alive(self, key: str, alive: bool) -> None:
         robot = last_id(key)
-        if robot is not None:
-            if alive:
-                self.present.add(robot)
-                self._came.add(robot)
-            else:
-                self.present.discard(robot)
-                self._speakers[robot].vanished()
+        if robot is None:
+            return
+        if alive:
+            self.present.add(robot)
+            self._came.add(robot)
+            self._vanished.discard(robot)
+        else:
+            self._vanished.add(robot)
+            self._speakers[robot].vanished()
+            asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot)
+
+    def _judge(self, robot: int, was_cut: bool = False) -> None:
+        """Take a robot whose token has vanished for absent, unless the connection is gone or back just now."""
+        if robot not in self._vanished:
+            return
+        if self._bus.connected and not was_cut:
+            self._vanished.discard(robot)
+            self.present.discard(robot)
+        else:
+            asyncio.get_running_loop().call_later(RETURN_S, self._judge, robot, not self._bus.connected)
 
     def _world_alive(self, _key: str, alive: bool) -> None:
         if not alive:
@@ -141,12 +169,18 @@ class StatusMonitor:
     def retire(self, robot: int, fate: Fate) -> None:
         """Note that the process of `robot` has ended: a token that shows from now on is of its next incarnation."""
         self.present.discard(robot)
+        self._vanished.discard(robot)
         self._speakers[robot].vanished()
         if robot in self._sessions:
             self._dead_sessions.setdefault(robot, set()).add(self._sessions[robot])
         if robot in self._parts:
             self._past.setdefault(robot, []).append(with_lost_jobs(self._parts.pop(robot), fate))
         self.robots.pop(robot, None)
+
+    @property
+    def world_silent_s(self) -> float:
+        """How long ago the world was last heard of, in seconds; it tells its status twice a second."""
+        return time.monotonic() - self._world_heard_s
 
     @property
     def connected(self) -> bool:

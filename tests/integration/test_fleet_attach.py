@@ -67,10 +67,10 @@ def test_a_world_that_is_gone_without_a_word_leaves_no_robot_dead(stage):
     watching = stage.start("rmr_deploy.fleet", "attach", stage.folder, "--connect", stage.endpoint)
     watching.wait_for("robot 1  ready")
     world.send(signal.SIGKILL)
-    watching.wait_for("the world does not answer any more: waiting until it is back; Ctrl-C ends the watching\n")
+    watching.wait_for("waiting for it to return")
     watching.send(signal.SIGINT)
     assert watching.exit_code() == 1
-    assert " mm; robot 2 never came\ninterrupted; the lab goes on\n" in watching.said()
+    assert " mm; robot 2 never came\ninterrupted; no word of the world of lab bench" in watching.said()
     assert "died" not in watching.said()
 
 
@@ -95,3 +95,46 @@ def test_wrong_words_are_told(words, code, why):
     answer = attach(*words)
     assert (answer.exit_code, answer.stdout) == (code, "")
     assert why in answer.stderr
+
+
+def report_of(started):
+    """Return the report that a started `rmr attach --json` has written after all else."""
+    said = started.said()
+    return json.loads(said[said.index("\n{") :])
+
+
+def attached_to_a_running_lab(stage, *options):
+    """Return the world of the lab `bench`, its two robots, and a `rmr attach` that shows both at work."""
+    world = stage.world("--when-ready")
+    agents = [stage.agent(robot) for robot in (1, 2)]
+    words = ("attach", stage.folder / "lab.yaml", "--connect", stage.endpoint, "--json", *options)
+    watcher = stage.start("rmr_deploy.fleet", *words)
+    watcher.wait_for("robot 1  finished")
+    watcher.wait_for("robot 2  running")
+    return world, agents, watcher
+
+
+def test_attach_to_a_world_that_dies_ends_within_its_bound_and_calls_no_robot_dead(stage):
+    world, agents, watcher = attached_to_a_running_lab(stage, "--timeout", "4")
+    world.end()
+    assert watcher.exit_code() == 1
+    report = report_of(watcher)
+    known = f"no word of the world of lab bench at {stage.endpoint} for 4 s (the connection is lost); at "
+    assert report["reason"].startswith(known)
+    assert report["reason"].endswith(" s of lab time robots 1-2 were there")
+    assert (report["finished"], report["dead"]) == (False, [])
+    assert "waiting for it to return" in watcher.said()
+    assert "  died" not in watcher.said()
+    assert all(agent.process.poll() is None for agent in agents)
+
+
+def test_attach_goes_on_with_a_world_that_returns(stage):
+    world, _, watcher = attached_to_a_running_lab(stage, "--timeout", "60")
+    world.send(signal.SIGSTOP)
+    watcher.wait_for("waiting for it to return")
+    world.send(signal.SIGCONT)
+    watcher.wait_for("the world of lab bench is back")
+    watcher.send(signal.SIGINT)
+    assert watcher.exit_code() == 1
+    assert report_of(watcher)["reason"] == "interrupted; the lab goes on"
+    assert report_of(watcher)["dead"] == []

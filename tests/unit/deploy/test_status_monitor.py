@@ -2,11 +2,13 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from rmr.base.time import seconds
 from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr_deploy import status_monitor
-from rmr_deploy.status_monitor import SESSIONS_MAX, SILENT_S, StatusMonitor
+from rmr_deploy.status_monitor import JUDGE_S, RETURN_S, SESSIONS_MAX, SILENT_S, StatusMonitor
 from rmr_world.quorum import DIED, NEVER_CAME, STOPPED
 
 KEYS = Keys("dash")
@@ -17,7 +19,11 @@ class Launcher:
 
     def __init__(self, monkeypatch):
         self.now = 0.0
+        self.connected = True
+        self.due = []
+        """Calls that are to be made later: (instant, call)."""
         monkeypatch.setattr(status_monitor, "time", SimpleNamespace(monotonic=lambda: self.now))
+        monkeypatch.setattr(status_monitor, "asyncio", SimpleNamespace(get_running_loop=lambda: self))
         self.handlers = {}
         self.tokens = {}
         self.monitor = StatusMonitor(self, "dash")
@@ -29,6 +35,19 @@ class Launcher:
 
     def watch_alive(self, key, handler):
         self.tokens[key] = handler
+
+    def call_later(self, delay_s, call, *args):
+        self.due.append((self.now + delay_s, lambda: call(*args)))
+
+    def wait(self, wait_s):
+        """Let time pass, and make the calls that come due."""
+        end = self.now + wait_s
+        while self.due and min(at for at, _ in self.due) <= end:
+            first = min(self.due, key=lambda due: due[0])
+            self.due.remove(first)
+            self.now = first[0]
+            first[1]()
+        self.now = end
 
     def token(self, *, there):
         self.tokens[KEYS.alive("robot", "*")](KEYS.alive("robot", 1), there)
@@ -113,3 +132,39 @@ def test_a_robot_that_nobody_has_seen_never_came(monkeypatch):
     assert launcher.monitor.fate(1) == DIED, "its process was there, and ended before it said anything"
     assert launcher.says(7, sender=2)
     assert launcher.monitor.fate(2) == DIED
+
+
+def test_a_robot_is_absent_once_its_token_has_vanished_and_the_connection_has_not(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    launcher.token(there=False)
+    launcher.wait(JUDGE_S)
+    assert launcher.monitor.present == set()
+    launcher.token(there=True)
+    launcher.wait(10.0)
+    assert launcher.monitor.present == {1}
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_of_a_robot_whose_token_has_vanished_with_the_connection_nothing_is_known_until_that_is_back(
+    monkeypatch, returns
+):
+    launcher = Launcher(monkeypatch)
+    launcher.token(there=False)
+    launcher.connected = False
+    launcher.wait(60.0)
+    assert launcher.monitor.present == {1}
+    launcher.connected = True
+    launcher.wait(RETURN_S - 0.1)
+    if returns:
+        launcher.token(there=True)
+    launcher.wait(2 * RETURN_S)
+    assert launcher.monitor.present == ({1} if returns else set())
+
+
+def test_silence_of_the_world_lasts_from_its_last_message(monkeypatch):
+    launcher = Launcher(monkeypatch)
+    launcher.wait(5.0)
+    launcher.says(7, wire.WORLD_ID)
+    launcher.wait(4.0)
+    launcher.says(7)
+    assert launcher.monitor.world_silent_s == 4.0
