@@ -152,6 +152,10 @@ class Bus:
         """The random number of this session, as its messages carry it."""
         return self._line.run
 
+    def go_on_as(self, run: int) -> None:
+        """Speak under the number of an earlier session, before anything is sent: that of a world that goes on."""
+        self._line.run = run
+
     @property
     def connected(self) -> bool:
         """Whether any transport is up."""

@@ -6,6 +6,7 @@ The world keeps the list and publishes it; each robot applies it to frames by th
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
@@ -54,6 +55,15 @@ class DisturbanceList:
         begin = max(0, now) + LEAD
         self.added += (wanted._replace(since=begin, until=min(NEVER, begin + wanted.until)),)
         return ""
+
+    def kept(self) -> list[Any]:
+        """Return what was added as plain data."""
+        return [one.to_wire() for one in self.added]
+
+    def bring_back(self, added: Sequence[Disturbance]) -> None:
+        """Take over what an interrupted world had added."""
+        self.added = tuple(added)
+        self.touched = bool(added)
 
     def clear(self, now: Instant) -> None:
         """End all added disturbances."""

@@ -5,7 +5,8 @@ A process asks for its robot with a token of its own. The claim stands while the
 before had ended, so that others know what that one cannot have received.
 """
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 from rmr.base.time import Duration, Instant, milliseconds
 
@@ -50,6 +51,15 @@ class IncarnationClaims:
     def vanished(self, robot: int, now: Instant) -> None:
         """Take note that a robot is not on the bus any more, at this lab time."""
         self._gone[robot] = now
+
+    def kept(self) -> list[Any]:
+        """Return the lives of all robots as plain data."""
+        return [[robot, [list(life) for life in lives.items()]] for robot, lives in self._lives.items()]
+
+    def bring_back(self, kept: Sequence[Any], now: Instant) -> None:
+        """Take over lives that were `kept`; who does not return had ended before this lab time."""
+        self._lives = {robot: dict(lives) for robot, lives in kept}
+        self._gone = dict.fromkeys(self._lives, now)
 
     def release(self, robot: int) -> None:
         """Let any process be `robot`: the one that was has left."""

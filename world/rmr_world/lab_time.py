@@ -16,11 +16,24 @@ class LabTime:
         """One of `rmr.bus.wire.CLOCK_STATES`."""
         self._origin = 0
         self._standing: Instant = 0
+        self.stands = False
+        """Whether it stands although it runs: a world that was interrupted waits for its robots."""
 
     def start(self, monotonic: int, delay: Duration) -> None:
         """Set lab time to 0 at `monotonic` + `delay`; it is negative until then, while the start is announced."""
         self.state = "running"
         self._origin = monotonic + delay
+
+    def stand(self, at: Instant) -> None:
+        """Let lab time that was running stand at an instant."""
+        self.state = "running"
+        self._standing = at
+        self.stands = True
+
+    def go_on(self, monotonic: int) -> None:
+        """Let it run on from where it stands."""
+        self._origin = monotonic - self._standing
+        self.stands = False
 
     def stop(self, monotonic: int) -> None:
         """Stop lab time; it cannot be started again."""
@@ -33,4 +46,4 @@ class LabTime:
 
     def at(self, monotonic: int) -> Instant:
         """Return lab time at a monotonic instant."""
-        return monotonic - self._origin if self.state == "running" else self._standing
+        return monotonic - self._origin if self.state == "running" and not self.stands else self._standing

@@ -54,6 +54,12 @@ def _declare(parser: "Parser") -> None:
     )
     parser.flag("--open", help="admit everybody who reaches --listen, on other machines, too, without a secret")
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
+    parser.option(
+        "--state",
+        read=Path,
+        metavar="DIR",
+        help="keep the world's state here: killed and started again, it goes on, and its robots with it",
+    )
     parser.option("--record", read=Path, metavar="FILE.mcap", help="record the world; a file that is there stays")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
 

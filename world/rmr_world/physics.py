@@ -12,8 +12,9 @@ nothing. The readings of a robot are drawn from its own random streams (`sensors
 """
 
 import math
+from collections.abc import Mapping
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final
 
 from rmr.base.arena import BRAKE, TURN_ACCELERATION
 from rmr.base.geometry import Pose, Twist
@@ -33,6 +34,8 @@ COMMAND_LEAD_MAX: Final = 100 * NS_PER_MS
 """Greatest lead of a command's stamp. One further ahead is wrong, and would make all later commands out of order."""
 CONTACTS_MAX: Final = 10_000
 """Contacts that are recorded; beyond it they are only counted."""
+CONTACTS_KEPT: Final = 100
+"""Contacts that outlive the process: as many as the report of a world lists."""
 FASTEST: Final = 2.0
 """Bound of a body's speed, in multiples of the wheels' top speed: slip adds hundredths, and only equal bodies push."""
 SETTLED_TICKS: Final = 3
@@ -88,6 +91,40 @@ class World:
         """Number of wheel commands that were too old, out of order or not finite."""
         self._least_centres = self._closest = math.inf
         """Smallest distance of two centres, metres: so far, and in this tick."""
+        self._pairs()
+
+    # Durability
+
+    def kept(self) -> dict[str, Any]:
+        """Return the state that outlives the process as plain data, which `bring_back` takes; speeds are not in it."""
+        bodies = [
+            (one.id, one.x, one.y, one.theta, one.sensors.left_m, one.sensors.right_m, one.distance_m,
+             one.sensors.silent_until)
+            for one in self._list
+        ]  # fmt: skip
+        least = self._least_centres
+        closest = least if math.isfinite(least) else None
+        return {
+            "bodies": bodies,
+            "collisions": self.collisions,
+            "contacts": self.contacts[:CONTACTS_KEPT],
+            "closest_m": closest,
+        }
+
+    def bring_back(self, tick: int, kept: Mapping[str, Any]) -> None:
+        """Go on from what was `kept`, at `tick`: the bodies stand. The lab is the same, the noise drawn anew."""
+        self._tick = tick
+        for robot, x, y, theta, left_m, right_m, distance_m, silent_until in kept["bodies"]:
+            self._robots[robot].put(x, y, theta, distance_m)
+            sensors = self._robots[robot].sensors
+            sensors.left_m = left_m
+            sensors.right_m = right_m
+            sensors.silent_until = silent_until
+            self._engine.place(robot, x, y, theta)
+        self._asked = SETTLED_TICKS
+        self.collisions = kept["collisions"]
+        self.contacts = [Contact(*contact) for contact in kept["contacts"]]
+        self._least_centres = math.inf if kept["closest_m"] is None else kept["closest_m"]
         self._pairs()
 
     # Commands and clock

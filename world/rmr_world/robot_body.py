@@ -60,6 +60,15 @@ class RobotBody:
         """Value of `distance_m` up to which the body cannot have come near a wall or an obstacle."""
         self.near: list[RobotBody] = []
 
+    def put(self, x: float, y: float, theta: float, distance_m: float) -> None:
+        """Let the body stand at a pose, after a path of `distance_m` metres."""
+        self.x = x
+        self.y = y
+        self.theta = theta
+        self.cos = math.cos(theta)
+        self.sin = math.sin(theta)
+        self.distance_m = self.free_until_m = distance_m
+
 
 def roll(robot: RobotBody) -> None:
     """Integrate a body that can touch nothing for one tick, in the engine's order of additions: bitwise the same."""

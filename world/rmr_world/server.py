@@ -10,12 +10,9 @@ token exists. Tokens that vanish while the world itself has lost its router are 
 
 import asyncio
 import logging
-import math
 import time
-from dataclasses import asdict
 from typing import Any
 
-from rmr.base import arena
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
@@ -24,6 +21,7 @@ from rmr.bus.middleware import LEASE_MS
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
+from rmr.entry import ExitCode
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.incarnation_claims import IncarnationClaims
@@ -31,7 +29,9 @@ from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
 from rmr_world.late_commands import LateCommands
 from rmr_world.physics import World
+from rmr_world.world_messages import map_of, sense_of, truth_of
 from rmr_world.world_recorder import WorldRecorder
+from rmr_world.world_state import SAVE_EVERY, WorldFolder
 
 START_DELAY = milliseconds(100)
 """Delay from the decision to start to lab time 0, within which the start reaches all robots."""
@@ -54,6 +54,9 @@ STATUS_S = 0.5
 JUDGE_S = 0.2
 """Delay from the loss of a token to the decision on it: a loss of the world's own connection shows within this time."""
 
+BACK_S = 3.0
+"""Time for robots to return to a world that goes on: they try again once a second."""
+
 FLUSH_S = 0.05
 """Time for the last messages to be sent before the session is closed."""
 
@@ -72,7 +75,9 @@ class WorldServer:
         *,
         when_ready: bool,
         recorder: ProcessRecorder | None = None,
+        folder: WorldFolder | None = None,
     ) -> None:
+        """With a `folder` the world is durable, and goes on from what that holds."""
         self._lab = lab
         self._seed = seed
         self._bus = bus
@@ -93,31 +98,51 @@ class WorldServer:
         self._ready: set[int] = set()
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
-        self._map = self._describe()
+        self._map = map_of(lab, seed)
         self._recorder = WorldRecorder(recorder, lab, seed, lambda: bus.run)
+        self._folder = folder
+        self._awaited: frozenset[int] = frozenset()
+        """Robots that were there when the world was interrupted."""
+        if folder is not None and folder.held is not None:
+            self._go_on(folder.held)
 
-    def _describe(self) -> wire.Map:
-        """Return the map: the configuration of the run for every robot."""
-        lab, finish = self._lab, self._lab.finish_pattern
-        radio = asdict(lab.radio.config) | {
-            "seed": self._seed if lab.radio.seed is None else lab.radio.seed,
-            "security": lab.radio.security,
-            "pan": lab.pan,
-        }
-        return wire.Map(
-            lab=lab.name,
-            listed=True,
-            taken=False,
-            lives=0,
-            seed=self._seed,
-            roster=lab.roster,
-            arena=arena.to_data(lab.arena),
-            radio=radio,
-            facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
-            finish=None if finish is None else (finish.name, finish.constants),
-            clock=self._time.state,
-            disturbances=self._disturbances.held,
-        )
+    def _go_on(self, held: dict[str, Any]) -> None:
+        """Take over the state of an interrupted world; lab time stands until `_drive`."""
+        self._bus.go_on_as(held["run"])
+        self._late = held["late"]
+        self._set_back = held["set_back"]
+        self._disturbances.bring_back(held["added"])
+        if not held["runs"]:
+            return
+        self._tick = held["tick"] + SAVE_EVERY
+        now = tick_start(self._tick)
+        self._physics.bring_back(self._tick, held)
+        self._incarnations.bring_back(held["lives"], now)
+        self._awaited = frozenset(held["here"])
+        self._time.stand(now)
+        log.info("the world goes on as it was at %.3f s of lab time", in_seconds(now))
+
+    def _keep(self) -> None:
+        """Write the state, if the world is durable."""
+        if self._folder is None:
+            return
+        state: dict[str, Any] = {"run": self._bus.run, "runs": self._time.state != "waiting", "tick": self._tick}
+        state |= {"here": sorted(self._alive), "lives": self._incarnations.kept(), "added": self._disturbances.kept()}
+        state |= {"late": self._late, "set_back": self._set_back}
+        try:
+            self._folder.write(state | self._physics.kept())
+        except OSError as error:
+            why = f"the world's state cannot be written to {self._folder.path}: {error.strerror}"
+            self._ending.ask(why, ExitCode.FAILED)
+
+    async def _until_back(self) -> None:
+        """Let lab time stand until the robots that were there are back, `BACK_S` at most."""
+        end = time.monotonic() + BACK_S
+        while not self._awaited <= self._alive and time.monotonic() < end:
+            await asyncio.sleep(JUDGE_S / 4)
+        self._time.go_on(time.monotonic_ns())
+        self._publish_clock()
+        log.info("lab time runs")
 
     # -- run ------------------------------------------------------------------------------------------------
 
@@ -126,7 +151,7 @@ class WorldServer:
         self._serve()
         self._recorder.begin(lambda: self._time.at(time.monotonic_ns()), self._poses())
         tasks = [asyncio.ensure_future(job) for job in (self._drive(), self._publish_periodically())]
-        if not self._when_ready:
+        if not self._when_ready and self._time.state == "waiting":
             self._start()
         ended = asyncio.ensure_future(self._ending.wait())
         await asyncio.wait([*tasks, ended], return_when=asyncio.FIRST_COMPLETED)
@@ -160,6 +185,7 @@ class WorldServer:
     async def _leave(self) -> None:
         """Stop lab time, publish the last messages, leave."""
         self._time.stop(time.monotonic_ns())
+        self._keep()
         self._publish_clock()
         self._publish_status(final=True)
         self._publish_truth(final=True)  # the last message: its receivers have all others by then
@@ -265,6 +291,9 @@ class WorldServer:
 
     async def _drive(self) -> None:
         """Step the physics in lab time; before that runs, publish samples so that robots can localise themselves."""
+        self._keep()
+        if self._time.stands:
+            await self._until_back()
         while self._time.state != "running":
             for robot in sorted(self._alive):
                 self._publish_sense(robot)
@@ -292,6 +321,8 @@ class WorldServer:
         for robot in sorted(self._alive):
             if self._due(robot, ticks):
                 self._publish_sense(robot)
+        if self._crossed(SAVE_EVERY, ticks):
+            self._keep()
         if self._crossed(TRUTH_EVERY, ticks):
             self._publish_truth(final=False)
             self._recorder.poses(tick_start(self._tick), self._poses())
@@ -330,24 +361,11 @@ class WorldServer:
         self._bus.publish(self._keys.disturbances, self._disturbances_message())
 
     def _publish_sense(self, robot: int) -> None:
-        s = self._physics.sense(robot, tick_start(self._tick))
         self._seen[robot] = self._physics.pose(robot)
-        bodies = tuple([(body.x, body.y, body.vx, body.vy) for body in s.bodies])
-        sample = wire.Sense(s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges, bodies, s.bumped, s.truth)
-        self._bus.publish(self._keys.sense(robot), sample)
+        self._bus.publish(self._keys.sense(robot), sense_of(self._physics.sense(robot, tick_start(self._tick))))
 
     def _publish_truth(self, *, final: bool) -> None:
-        physics = self._physics
-        robots = tuple((robot, *physics.pose(robot), physics.distance_m(robot)) for robot in self._lab.roster)
-        gap = physics.min_gap_m
-        truth = wire.Truth(
-            stamp=tick_start(self._tick),
-            robots=robots,
-            collisions=physics.collisions,
-            min_gap_m=gap if math.isfinite(gap) else None,
-            ticks_late=self._late,
-            final=final,
-        )
+        truth = truth_of(self._physics, self._lab.roster, tick_start(self._tick), self._late, final=final)
         self._bus.publish(self._keys.truth, truth)
 
     async def _publish_periodically(self) -> None:

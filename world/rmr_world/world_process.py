@@ -33,6 +33,8 @@ from rmr_world.finding import LabError
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.server import WorldServer
+from rmr_world.world_messages import map_of
+from rmr_world.world_state import WorldFolder, WorldStateError
 
 SAY_AGAIN_S = 5.0
 """How often a waiting world says that it waits for its router."""
@@ -124,7 +126,9 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
     return None
 
 
-async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, ending: Ending) -> None:
+async def _live(
+    options: argparse.Namespace, lab: Lab, secret: Secret | None, folder: WorldFolder | None, ending: Ending
+) -> None:
     handle_signals(ending)
     hold_lifeline()
     bus = await _open(options, secret, ending)
@@ -140,7 +144,8 @@ async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, en
     try:
         if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
             raise BusError(f"lab {lab.name} has a world at {options.connect} already: end it, or rename this one")
-        server = WorldServer(lab, lab.seed, bus, ending, when_ready=options.when_ready, recorder=recorder)
+        when_ready = options.when_ready
+        server = WorldServer(lab, lab.seed, bus, ending, when_ready=when_ready, recorder=recorder, folder=folder)
         await server.run()
     finally:
         for task in tasks:
@@ -148,6 +153,8 @@ async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, en
         if recorder is not None:
             recorder.end()
         bus.close()
+        if folder is not None:
+            folder.close()
 
 
 def perform(options: argparse.Namespace) -> int:
@@ -165,11 +172,12 @@ def perform(options: argparse.Namespace) -> int:
     try:
         lab = _load(options)
         secret = _secret(options)
-    except (LabError, InvalidError, SecretError) as error:
+        folder = None if options.state is None else WorldFolder(options.state, map_of(lab, lab.seed))
+    except (LabError, InvalidError, SecretError, WorldStateError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
     except OSError as error:
         print(f"rmr-world: {error.filename or options.config}: {error.strerror}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
-    return run_to_end(_live(options, lab, secret, ending), ending, log)
+    return run_to_end(_live(options, lab, secret, folder, ending), ending, log)

@@ -32,11 +32,12 @@ class WorldRecorder:
         if self._recorder is None:
             return
         self._writer = writer = self._recorder.begin(lab.name, self._seed, lab.roster, self._run(), now)
-        writer.write("/scene", 0, scene(lab.arena, lab.roster))
-        writer.write("/floor", 0, grid(lab.arena))
+        first = max(0, now())  # of a world that goes on: the part before has what was earlier
+        writer.write("/scene", first, scene(lab.arena, lab.roster))
+        writer.write("/floor", first, grid(lab.arena))
         self._poses = PoseRecorder(writer)
-        self.poses(0, poses)
-        for disturbance in lab.disturbances:
+        self.poses(first, poses)
+        for disturbance in () if first else lab.disturbances:
             self.fault(0, fault_entry(disturbance))
 
     def poses(self, now: Instant, poses: Iterable[tuple[int, Pose]]) -> None:
