@@ -1,5 +1,6 @@
 """A path over the grid: a first cell and steps to one of the eight neighbours, three bits each (paper IV.D)."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +14,11 @@ class GridPath:
 
     first: tuple[int, int]
     steps: tuple[int, ...]
+
+    @property
+    def length(self) -> float:
+        """Its length, in edges of a cell."""
+        return sum(math.hypot(*STEPS[step]) for step in self.steps)
 
     def cells(self) -> list[tuple[int, int]]:
         """Return all cells in order, the first included."""

@@ -324,10 +324,10 @@ class Driver:
         return outside and area.slotted and rank > 0 and place != area.places[(which - 1) % len(area.places)]
 
     def choose_again(self, now: Instant, peers: Peers) -> Point | None:
-        """Return another place to go to, as what has been heard of others has it; None: keep this one."""
+        """Return another place, as what has been heard of others has it; None: keep this one, or it leads back."""
         assert self._chosen is not None
         other = self.place_of(now, *self._chosen, peers)
-        if other == self.place:
+        if other == self.place or self.navigator.leads_back(other):
             return None
         self.place = other
         return other

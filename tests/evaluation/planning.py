@@ -37,7 +37,8 @@ from rmr.base.geometry import Point, distance
 from rmr.base.streams import stream
 from rmr.node.motion import astar
 from rmr.node.motion.astar import plan
-from rmr.node.motion.route import follower_route, leader_route, shared_part
+from rmr.node.motion.leader_path import follower_route, shared_part
+from rmr.node.motion.route import leader_route
 from rmr_world.lab_file import load_lab
 
 NAME = "planning"

@@ -12,7 +12,8 @@ import bench
 from rmr.base.geometry import Point
 from rmr.node.motion.astar import plan, search
 from rmr.node.motion.grid import blocked_cells, grid_of
-from rmr.node.motion.route import follower_route, leader_route, shared_part
+from rmr.node.motion.leader_path import follower_route, shared_part
+from rmr.node.motion.route import leader_route
 
 ARENA = bench.testbed()
 GRID = grid_of(ARENA)

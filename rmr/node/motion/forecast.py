@@ -8,9 +8,10 @@ from rmr.base.grid_path import GridPath
 from rmr.node.motion.estimate import Estimate, estimate_of
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
+from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.replanning import ordered_route
-from rmr.node.motion.route import DriveOrder, shared_part
+from rmr.node.motion.route import DriveOrder
 
 
 def estimate(arena: Arena, pose: Pose, goal: Point, parked: Sequence[Point] = ()) -> Estimate | None:

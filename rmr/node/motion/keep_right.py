@@ -8,14 +8,13 @@ rule needs no message, since right of one direction is left of the other.
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from itertools import pairwise
 
 from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, distance
 from rmr.base.motion_scale import scale_of
 from rmr.node.motion.astar import plan
-from rmr.node.motion.route import DETOUR_M, Route, leader_route, make_route
+from rmr.node.motion.route import DETOUR_M, Route, leader_route, make_route, way_through_m
 
 
 def gated_route(
@@ -31,14 +30,14 @@ def gated_route(
 
     A robot that has asked for a turn at one, `via`, goes there if it can: else it would lose its place in the order.
     """
+    shortest = leader_route(arena, start, goal, parked, through_gate=True, behind=behind)
+    if shortest is None or shortest.within or shortest.gate_m is None:
+        return shortest
     asked = arena.passage(via)
     if asked is not None and asked.two_ended and not asked.by_event and via not in behind:
         route = _through(arena, asked, start, goal, parked, behind, math.inf)
         if route is not None:
             return route
-    shortest = leader_route(arena, start, goal, parked, through_gate=True, behind=behind)
-    if shortest is None or shortest.within or shortest.gate_m is None:
-        return shortest
     first = arena.passage(shortest.passage)
     if first is None or first.by_event or not first.two_ended:
         return shortest
@@ -86,7 +85,7 @@ def _through(
         if sum(distance(*a, *b) for a, b in legs) > longest_m:
             continue
         paths = [path for a, b in legs if (path := plan(arena, a, b, parked)) is not None]
-        if len(paths) < len(legs) or not _is_free(arena, legs[1], paths[1].length_m):
+        if len(paths) < len(legs) or not _is_free(arena, passage, paths[1].length_m):
             continue
         points = [start, *(point for path in paths for point in path.points[1:])]
         route = make_route(arena, points, through_gate=True, behind=behind)
@@ -96,13 +95,6 @@ def _through(
     return found
 
 
-def _is_free(arena: Arena, ends: tuple[Point, Point], length_m: float) -> bool:
-    """Return whether a way of `length_m` between the `ends` of a passage leads through it, not around what bars it."""
-    return length_m <= _free_length_m(arena, *ends) + DETOUR_M * scale_of(arena.shape).size
-
-
-@lru_cache(maxsize=64)
-def _free_length_m(arena: Arena, start: Point, goal: Point) -> float:
-    """Return the length of the way from `start` to `goal` where nobody stands, metres; 0 without one."""
-    found = plan(arena, start, goal)
-    return 0.0 if found is None else found.length_m
+def _is_free(arena: Arena, passage: FloorPassage, length_m: float) -> bool:
+    """Return whether a way of `length_m` between the ends of `passage` leads through it, not around what bars it."""
+    return length_m <= way_through_m(arena, passage.mouth(0), passage.mouth(1)) + DETOUR_M * scale_of(arena.shape).size

@@ -13,7 +13,7 @@ over their places until they have left. The dead do not leave: routes lead aroun
 from collections.abc import Collection, Sequence
 from typing import Final
 
-from rmr.base.arena import Arena
+from rmr.base.arena import REFERENCE, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
@@ -24,7 +24,7 @@ from rmr.node.motion.goal_queue import robots_ahead
 from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
-from rmr.node.motion.route import DriveOrder, Route, gated_again
+from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SHIELD, SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
@@ -33,7 +33,7 @@ from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
 WALL_SHARE: Final = 0.5
-"""A robot that a wall slows to less than this share of its speed turns off it."""
+"""A robot that a wall slows to less than this share of its speed, or of the reference robot's, turns off it."""
 WALL_TURN: Final = 1.5
 """Turn rate with which it does, rad/s."""
 RETRY_S: Final = 0.5
@@ -260,7 +260,8 @@ class Navigator:
         straight = control.slowed(Twist(wish.v, 0.0))
         if straight.v > allowed.v:
             allowed = straight
-        return Twist(0.0, WALL_TURN * control.off_wall(pose)) if allowed.v < WALL_SHARE * wish.v else allowed
+        hardly = WALL_SHARE * min(wish.v, REFERENCE.speed)
+        return Twist(0.0, WALL_TURN * control.off_wall(pose)) if allowed.v < hardly else allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is a route to follow or a heading to face; plan if that is due."""
@@ -461,6 +462,19 @@ class Navigator:
     def passed_gate(self) -> bool:
         """Return whether the robot has gone beyond the gate's stopping place during this drive."""
         return self._gate.passed
+
+    def leads_back(self, place: Point) -> bool:
+        """Return whether a robot that is in a passage, or has none before it, would pass one on its way to `place`."""
+        route = self.route
+        order = self._order
+        gate = self._gate
+        before = route is not None and route.gate_m is not None and not (route.within or gate.passed)
+        if route is None or order is None or before or not self.arena.passages:
+            return False
+        start = Point(self._pose.x, self._pose.y)
+        to = leader_route(self.arena, start, place, (), through_gate=order.through_gate, behind=order.behind)
+        inside = route.gate_m is not None and not gate.cleared
+        return to is not None and to.gate_m is not None and not (inside and to.way == route.way)
 
     @property
     def aside(self) -> bool:

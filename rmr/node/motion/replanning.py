@@ -11,7 +11,8 @@ from rmr.base.geometry import Point
 from rmr.node.motion.astar import plan
 from rmr.node.motion.grid import off_goal
 from rmr.node.motion.keep_right import gated_route
-from rmr.node.motion.route import DriveOrder, Route, follower_route, leader_route, off_queue
+from rmr.node.motion.leader_path import follower_route
+from rmr.node.motion.route import DriveOrder, Route, leader_route, off_queue
 
 
 def obstacles_of(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Sequence[Point]:

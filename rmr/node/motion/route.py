@@ -13,6 +13,7 @@ two mouths is entered by either; robots that wait before one leave room for thos
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -20,13 +21,15 @@ from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
-from rmr.node.motion.astar import FreeSpace, plan
-from rmr.node.motion.grid import PATH_MARGIN_M, Discs, discs_around, grid_of, segment_clearance
+from rmr.node.motion.astar import plan
+from rmr.node.motion.grid import PATH_MARGIN_M, Discs, segment_clearance
 
 GATE_REACH_M: Final = 0.15
 """A route has a gate if it passes the bottleneck's point within this, times the size of the robots."""
 EXIT_REACH_M: Final = 0.3
 """A route passes the mouth by which it leaves within this, times the size: it turns off to its goal there."""
+AROUND: Final = 1.2
+"""A way from mouth to mouth that is longer than this times the shortest one leads around the passage."""
 ROOM_M: Final = 0.05
 """Before a mouth by which others come out, the one that waits leaves room for a hull and this."""
 VIA_M: Final = 0.05
@@ -208,9 +211,19 @@ def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
     end = mouths[1 - way]
     if distance(*route.point(passed[1 - way]), *end) > max(EXIT_REACH_M * size, arena.clearance(*end)):
         return None
+    # Large robots reach far: past the mouths of this passage the way may lead through one beside it.
+    if passed[1 - way] - gate > AROUND * way_through_m(arena, *mouths) + EXIT_REACH_M * size:
+        return None
     clear = _clear_of(arena, passage, route, gate)
     room = _room(arena, passage)
     return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=room, passage=passage.name)
+
+
+@lru_cache(maxsize=64)
+def way_through_m(arena: Arena, one: Point, other: Point) -> float:
+    """Return the length of the way between the mouths of a passage where nobody stands, metres; 0 without one."""
+    found = plan(arena, one, other)
+    return 0.0 if found is None else found.length_m
 
 
 def _room(arena: Arena, passage: FloorPassage) -> float:
@@ -337,64 +350,3 @@ def off_queue(arena: Arena, start: Point, parked: Sequence[Point]) -> list[Point
     spots = queue_before(arena, start)
     keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
-
-
-def shared_part(arena: Arena, route: Route) -> GridPath | None:
-    """Return the cells of `route` from its gate to the end of the narrow section (P1' of the paper)."""
-    if route.gate_m is None:
-        return None
-    begin = route.point(route.gate_m)
-    end = route.point(route.clear_m)
-    found = plan(arena, begin, end)
-    return None if found is None else found.path
-
-
-def follower_route(
-    arena: Arena,
-    start: Point,
-    goal: Point,
-    parked: Sequence[Point],
-    shared: GridPath,
-    *,
-    behind: frozenset[str] = frozenset(),
-) -> Route | None:
-    """Return the route along the leader's `shared` path, or by own A* when that does not serve."""
-    middle = _usable(arena, start, goal, parked, shared)
-    into = None if middle is None else _leg(arena, start, middle[0], parked)
-    out = None if middle is None else _leg(arena, middle[-1], goal, parked)
-    if middle is not None and into is not None and out is not None:
-        route = make_route(arena, [*into, *middle[1:-1], *out], through_gate=True, behind=behind)
-        if route.gate_m is not None:
-            return route
-    return leader_route(arena, start, goal, parked, through_gate=True, behind=behind)
-
-
-def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> list[Point] | None:
-    """Return the corners of the shared path from where `start` joins it; None when it is blocked or foreign."""
-    grid = grid_of(arena)
-    cells = shared.cells()
-    if not all(0 <= c < grid.columns and 0 <= r < grid.rows for c, r in cells):
-        return None
-    points = [grid.centre(grid.index_at(c, r)) for c, r in cells]
-    nearest = min(range(len(points)), key=lambda i: distance(*points[i], *start))
-    points = points[nearest:]
-    if len(points) < 2:
-        return None
-    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
-    for a, b in pairwise(points):
-        if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
-            return None
-    mouths = [mouth for passage in arena.passages for mouth in passage.mouths]
-    via = [mouth for mouth in mouths if distance(*points[0], *mouth) < GATE_REACH_M * scale_of(arena.shape).size]
-    if nearest == 0 and via:
-        points[0] = via[0]
-    return floor.pull(points)
-
-
-def _leg(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> list[Point] | None:
-    """Return the straight leg if it is free, else one by A*, else None."""
-    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
-    if distance(*start, *goal) < 1e-9 or floor.sight(start, goal):
-        return [start, goal]
-    found = plan(arena, start, goal, parked)
-    return None if found is None else list(found.points)

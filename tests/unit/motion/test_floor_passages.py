@@ -1,15 +1,18 @@
 """Several passages: which gate a route has, which one a turn opens, and what follows behind it."""
 
+from itertools import pairwise
+
 import bench
 import pytest
 
-from rmr.base.arena import Area, Arena, FloorPassage
+from rmr.base.arena import Area, Arena, FloorPassage, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
+from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.route import leader_route
+from rmr.node.motion.route import leader_route, make_route
 
 
 def area(name, x, y):
@@ -113,3 +116,60 @@ def test_a_route_along_the_side_of_a_wide_passage_passes_its_gate():
     assert route is not None
     assert min(abs(y - 1.0) for _, y in route.points) > 0.2
     assert route.passage == "wide"
+
+
+def test_a_plan_made_anew_inside_the_passage_leads_on():
+    for start, goal in ((Point(1.2, 0.75), EAST), (Point(1.2, 0.75), WEST)):
+        route = gated_route(ROW, start, goal, (), via="one")
+        assert route is not None
+        assert route.within
+        turn = 1.0 if goal is EAST else -1.0
+        assert all(turn * (b.x - a.x) >= 0.0 for a, b in pairwise(route.points)), route.points
+
+
+def test_a_robot_that_has_asked_at_a_passage_does_not_go_through_it_to_a_place_before_it():
+    route = gated_route(ROW, WEST, Point(0.5, 0.3), (), via="one")
+    assert route is not None
+    assert (route.passage, route.gate_m) == (None, None)
+
+
+def test_only_a_robot_before_its_gate_goes_through_a_passage_to_another_place():
+    def under_way(start: Point, goal: Point, heading: float) -> Navigator:
+        nav = Navigator(ROW, 1)
+        assert nav.go(0, Pose(*start, heading), goal, through_gate=True)
+        nav.gate(None, True, "one")
+        nav.step(seconds(1 / 60), Pose(*start, heading), (), bumped=False)
+        return nav
+
+    west, middle = Point(0.3, 0.4), Point(2.0, 0.4)
+    before = under_way(WEST, middle, 0.0)
+    assert not before.leads_back(Point(2.0, 1.1))
+    assert not before.leads_back(west)
+    inside = under_way(Point(1.2, 0.75), middle, 0.0)
+    assert not inside.leads_back(Point(2.0, 1.1))
+    assert inside.leads_back(west)
+    beyond = under_way(Point(1.8, 0.75), middle, -1.0)
+    assert not beyond.leads_back(Point(2.0, 1.1))
+    assert beyond.leads_back(west)
+    assert beyond.leads_back(EAST)
+
+
+def test_a_way_around_a_passage_is_not_taken_for_one_through_it():
+    """The mouths of large robots reach far; where cells are as large, no centre of one is free in the upper aisle."""
+    upper = FloorPassage("upper", (area("w", 2.7, 4.96), area("e", 7.3, 4.96)))
+    arena = Arena(
+        10.0,
+        6.2,
+        0.31,
+        (bench.box(3.0, 0.0, 7.0, 0.6), bench.box(3.0, 2.6, 7.0, 4.38), bench.box(3.0, 5.54, 7.0, 6.2)),
+        shape=RobotShape(radius=0.438),
+        passages=(upper,),
+    )
+    start, goal = Point(2.0, 4.9), Point(8.0, 3.6)
+    around = leader_route(arena, start, goal, (), through_gate=True)
+    assert around is not None
+    assert min(point.y for point in around.points) < 2.6
+    assert around.passage is None
+    through = make_route(arena, [start, *upper.mouths, goal], through_gate=True)
+    assert (through.passage, through.way) == ("upper", 0)
+    assert shared_part(arena, through) is None

@@ -11,8 +11,9 @@ from rmr.base.grid_path import GridPath
 from rmr.base.time import seconds
 from rmr.node.crossing.approach import Approach, departures
 from rmr.node.motion.gate import PUT_OFF_S, EntryGate
+from rmr.node.motion.leader_path import follower_route
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.route import follower_route, leader_route
+from rmr.node.motion.route import leader_route
 from rmr.node.motion.standoff.refuge import clearing_spot
 
 MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))

@@ -9,15 +9,8 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, point_segment_distance
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.grid import grid_of
-from rmr.node.motion.route import (
-    follower_route,
-    gated_again,
-    leader_route,
-    make_route,
-    queue_before,
-    shared_part,
-    way_of,
-)
+from rmr.node.motion.leader_path import follower_route, shared_part
+from rmr.node.motion.route import gated_again, leader_route, make_route, queue_before, way_of
 
 TESTBED = bench.testbed()
 EXITS = TESTBED.area("exit").places

@@ -5,7 +5,7 @@ import math
 import bench
 import pytest
 
-from rmr.base.arena import Arena
+from rmr.base.arena import Arena, RobotShape
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import tick_start
 from rmr.node.motion.hearing import ReportedState
@@ -127,3 +127,17 @@ def test_the_memory_of_a_clearance_changes_no_command_and_saves_most_of_the_meas
         assert given == fresh._shielded(twist)
         assert given == (twist if share >= 1.0 else Twist(share * twist.v, share * twist.w))
     assert 0 < measured_by_it < 0.7 * asked
+
+
+def test_a_fast_robot_drives_through_a_narrow_aisle_as_slowly_as_its_walls_permit():
+    """A robot of 1.97 m/s in an aisle that leaves it 4.5 cm on each side: half of its speed is not hardly driving."""
+    shape = RobotShape(speed=1.97, view_depth=1.0)
+    aisle = Arena(8.0, 4.0, 0.05, (bench.box(1.0, 0.0, 7.0, 1.885), bench.box(1.0, 2.115, 7.0, 4.0)), shape=shape)
+    nav = Navigator(aisle, 1)
+    nav.control.sigma_m = 0.008
+    pose = Pose(1.5, 2.0, 0.0)
+    assert nav.go(0, pose, Point(7.5, 2.0))
+    for k in range(1, 30):
+        twist = nav.step(tick_start(k), pose, (), bumped=False)
+    assert 0.2 < twist.v < 0.5 * shape.speed
+    assert twist.w == 0.0
