@@ -554,6 +554,26 @@ def test_a_robot_that_waits_for_a_goal_that_another_one_keeps_stands_still(tmp_p
     assert ("stands still", (2,), words) in found(simulation)
 
 
+def test_robots_that_wait_for_a_goal_while_others_come_and_go_do_not_stand_still(tmp_path):
+    visits = """
+    type action goto(R: robot, X: float, Y: float) -o there(R, X).
+    type action wait(R: robot, T: float) -o waited(R).
+    type home(robot, float, float).
+    home(@1, 0.2, 0.2).
+    home(@2, 0.5, 0.2).
+    home(@3, 0.8, 0.2).
+    home(@4, 1.1, 0.2).
+    home(R, X, Y) -o goto(R, 1.25, 1.25), back(R, X, Y).
+    there(R, 1.25) -o wait(R, 14.0).
+    waited(R), back(R, X, Y) -o goto(R, X, Y).
+    there(R, X), X < 1.2 -o done(R).
+    """
+    simulation = small_lab(tmp_path, visits, robots=4, finish="done(R)", duration="200s")
+    assert simulation.run()
+    assert simulation.time_s > 3 * 14.0 + 30.0
+    assert found(simulation) == []
+
+
 def test_a_robot_whose_machine_reports_all_the_time_gets_no_nearer_all_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(BarredDrive, "look", lambda *_, **__: None)
     beats = """

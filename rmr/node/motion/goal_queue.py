@@ -51,7 +51,21 @@ def robots_ahead(
             continue
         comes = other.goal is not None and distance(*other.goal, *goal) < reach
         if its < reach:
-            ahead += away >= reach
+            ahead += away >= reach and not _waits_for(here, other, others, reach)
         elif comes and (its < away if its < near else away >= near and order_key(other.rank, other.robot) < mine):
             ahead += 1
     return ahead
+
+
+def _waits_for(here: Point, other: Heard, others: Sequence[Heard], reach: float) -> bool:
+    """Return whether `other` wants to be `here`, or where one stands who does, or where one stands who wants to there.
+
+    Robots that stand on each other's goals would wait for ever. They all go, and pass each other.
+    """
+    wants = other.goal
+    for _ in others:
+        if wants is None or distance(*wants, *here) < reach:
+            return wants is not None
+        place = wants
+        wants = next((each.goal for each in others if distance(each.pose.x, each.pose.y, *place) < reach), None)
+    return False

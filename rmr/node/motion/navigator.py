@@ -20,7 +20,7 @@ from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import time_left
 from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.goal_queue import robots_ahead
+from rmr.node.motion.goal_queue import WAITING_RADII, robots_ahead
 from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
@@ -457,6 +457,12 @@ class Navigator:
     def remaining_m(self) -> float:
         """Return the remaining length of the route in metres; 0 without a route."""
         return 0.0 if self._follower is None else max(0.0, self._follower.route.length_m - self._follower.s)
+
+    @property
+    def waits_for_goal(self) -> Point | None:
+        """Return the goal for which the robot queues, since others have it first; None: for none."""
+        near = self.remaining_m < WAITING_RADII * self.arena.shape.radius
+        return self.goal if self._ahead and near else None
 
     @property
     def passed_gate(self) -> bool:

@@ -46,6 +46,19 @@ def test_a_robot_that_stands_on_the_goal_is_waited_for_one_beside_it_is_not():
     assert robots_ahead(GOAL, here, MINE, REFERENCE, (), [Point(GOAL.x, GOAL.y + 0.2)]) == 0
 
 
+def test_robots_that_stand_on_each_others_goals_do_not_wait_for_each_other():
+    here = Point(GOAL.x - WAITING, GOAL.y)
+    third = Point(1.0, 2.0)
+    swaps = [one(0.05, goal=here)]
+    assert robots_ahead(GOAL, here, MINE, REFERENCE, swaps, ()) == 0
+    ring = [one(0.05, goal=third, robot=1), Heard(3, Pose(*third, 0.0), Point(here.x, here.y + 0.05), 0, 0)]
+    assert robots_ahead(GOAL, here, MINE, REFERENCE, ring, ()) == 0
+    chain = [one(0.05, goal=third, robot=1), Heard(3, Pose(*third, 0.0), ELSEWHERE, 0, 0)]
+    assert robots_ahead(GOAL, here, MINE, REFERENCE, chain, ()) == 1
+    on_their_own = [one(0.05, goal=third, robot=1), Heard(3, Pose(*third, 0.0), GOAL, 0, 0)]
+    assert robots_ahead(GOAL, here, MINE, REFERENCE, on_their_own, ()) == 1
+
+
 def test_the_more_go_first_the_farther_away_a_robot_waits_but_never_in_a_passage():
     points = (Point(0.0, 1.0), GOAL)
     open_floor = Route(points, (0.0, 2.0))

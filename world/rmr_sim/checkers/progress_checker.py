@@ -1,8 +1,8 @@
 """Rule of liveness: when all faults are over, each robot with something to do makes progress.
 
 A robot makes progress when it moves away by its own width (motion to and fro is none), when its machine reports
-anything but a missed deadline, while one of its actions sleeps for a second or longer, or when other robots use the
-event for which it waits: by entering, or by progress inside.
+anything but a missed deadline, while one of its actions sleeps for a second or longer, or when other robots use what it
+waits for: an event, by entering or by progress inside; the goal that they have first, by coming there or leaving it.
 
 A robot that drives, or waits for its turn, and has made no progress for `STILL` stands still. So do all robots together
 when none has made progress for so long and none waits for a time. A lab without a finish fact has nothing to do.
@@ -13,6 +13,7 @@ near it (`nearing`), whatever the machine reports. Hence a drive ends, fails, or
 
 import math
 
+from rmr.base.geometry import Point
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
 from rmr.node.crossing.phases import Inside
@@ -50,6 +51,10 @@ class ProgressChecker:
         self._nearings = Nearings(view)
         self._used: RecentTable[bytes, Instant] = RecentTable()
         """By event, the last entry or the last progress of a robot inside."""
+        self._goal_users: dict[int, tuple[Point, frozenset[int]]] = {}
+        """By robot, the goal for which it waits and who is there."""
+        self._goal_used: dict[int, Instant] = {}
+        """By robot, when others came to the goal for which it waits, or left it, for the last time."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             view.subscribe(kind, self._reported)
         view.subscribe(Entered, self._entered)
@@ -73,6 +78,7 @@ class ProgressChecker:
         for robot in busy:
             self._look(robot, now)
             self._note_use(robot)
+            self._look_at_goal(robot, now)
         if not busy or not view.simulation.lab.finish or now < view.healed_at + STILL:
             return
         long = [robot for robot in busy if now - self._progress_of(robot) > STILL]
@@ -157,14 +163,30 @@ class ProgressChecker:
         if crossing is not None and isinstance(crossing.phase, Inside):
             self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_at[robot])
 
+    def _look_at_goal(self, robot: int, now: Instant) -> None:
+        """Note whether others have come to the goal for which `robot` waits, or have left it."""
+        driver = self._view.node(robot).driver
+        goal = None if driver is None else driver.navigator.waits_for_goal
+        if goal is None:
+            self._goal_users.pop(robot, None)
+            return
+        view = self._view
+        reach = 3.0 * view.simulation.lab.arena.shape.radius
+        places = {other: view.simulation.world.pose(other) for other in view.robots if other != robot}
+        here = frozenset(other for other, at in places.items() if math.hypot(at.x - goal.x, at.y - goal.y) < reach)
+        if self._goal_users.get(robot, (goal, here)) != (goal, here):  # others came, or left
+            self._goal_used[robot] = now
+        self._goal_users[robot] = goal, here
+
     def _progress_of(self, robot: int) -> Instant:
-        """Return the last progress of the robot, its own or by other robots' use of the event for which it waits."""
+        """Return the last progress of the robot, its own or by other robots' use of what it waits for."""
         return max(self._progress_at[robot], self._used_at(robot))
 
     def _used_at(self, robot: int) -> Instant:
-        """Return when others used the event for which the robot waits, for the last time; 0 if it waits for none."""
+        """Return when others used what the robot waits for, for the last time; 0 if it waits for nothing."""
+        goal = self._goal_used.get(robot, 0)
         crossing = self._view.node(robot).crossings.current
-        return 0 if crossing is None or not crossing.waits else self._used.get(crossing.group_id, 0)
+        return goal if crossing is None or not crossing.waits else max(goal, self._used.get(crossing.group_id, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
