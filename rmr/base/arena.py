@@ -5,7 +5,7 @@ planner are built from the same value.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -114,6 +114,8 @@ class FloorPassage:
     name: str
     entrances: tuple[Area, ...]
     """The areas at its ends: one, or two if robots enter at both."""
+    found: bool = False
+    """Whether it was found on the floor; the lab names no passage."""
     mouths: tuple[Point, ...] = field(init=False, compare=False, repr=False)
     """The point of each entrance; with two, the entrance of direction 0 and that of direction 1."""
 
@@ -124,6 +126,11 @@ class FloorPassage:
     def by_event(self) -> bool:
         """Whether its turns are those of the robots' events: jobs of different events do not exclude each other."""
         return self.name == BOTTLENECK
+
+    @property
+    def ends(self) -> Iterator[tuple[Point, Area]]:
+        """Its mouths with their areas."""
+        return zip(self.mouths, self.entrances, strict=True)
 
     @property
     def two_ended(self) -> bool:
@@ -269,7 +276,10 @@ def to_data(arena: Arena) -> dict[str, Any]:
         ],
         "beacons": [list(b) for b in arena.beacons],
         "range_sigma": arena.range_sigma,
-        "passages": [[passage.name, [area.name for area in passage.entrances]] for passage in arena.passages],
+        "passages": [
+            [passage.name, [list(mouth) if passage.found else area.name for mouth, area in passage.ends]]
+            for passage in arena.passages
+        ],
         "stations": [[name, capacity] for name, capacity in arena.stations],
         "shape": {
             "radius": arena.shape.radius,
@@ -318,4 +328,14 @@ def _passages(data: dict[str, Any], areas: dict[str, Area]) -> tuple[FloorPassag
     named: Iterable[Sequence[Any]] = data.get("passages", ())
     if "passages" not in data and data["bottleneck"]:
         named = [(BOTTLENECK, data["bottleneck"])]
-    return tuple(FloorPassage(name, tuple(areas[each] for each in entrances)) for name, entrances in named)
+    return tuple(
+        FloorPassage(name, tuple(areas[each] for each in ends))
+        if all(isinstance(each, str) for each in ends)
+        else found_passage(name, [Point(*each) for each in ends])
+        for name, ends in named
+    )
+
+
+def found_passage(name: str, mouths: Sequence[Point]) -> FloorPassage:
+    """Return a passage that was found on the floor, with areas at its `mouths` that no lab names."""
+    return FloorPassage(name, tuple(Area(f"{name} end {k}", (at,)) for k, at in enumerate(mouths, 1)), found=True)

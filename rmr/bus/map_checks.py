@@ -60,6 +60,7 @@ def _check_floor(floor: Arena) -> None:
         points += [*area.places, *area.queue]
         if area.box is not None:
             points += [Point(*area.box[:2]), Point(*area.box[2:])]
+    points += [mouth for passage in floor.passages for mouth in passage.mouths]
     if len(floor.beacons) > BEACONS_MAX or len(points) > PLACES_MAX:
         raise MalformedError("expected an arena with fewer places")
     for point in points:

@@ -4,7 +4,7 @@ An explanation is data (dataclasses that become JSON as they are); `show` render
 which robots begin (`rmr_world.passage_use`), with times at full speed and without other robots.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -63,6 +63,8 @@ class ExplainedPassage:
     width_m: float | None
     """Free width at the narrowest point; None: two robots pass each other there."""
     length_m: float | None
+    in_turns: bool
+    """Whether it has turns of its own."""
     drives: tuple[ExplainedDrive, ...]
 
 
@@ -144,8 +146,9 @@ def _passage(lab: Lab, use: PassageUse) -> ExplainedPassage:
     drives = (_drive(lab, use, drive) for drive in use.drives)
     return ExplainedPassage(
         name=use.name,
-        key=None if named is None else ".".join(map(str, named.path)),
-        areas=() if named is None else named.areas,
+        key=None if named is None or named.found else ".".join(map(str, named.path)),
+        areas=() if named is None or named.found else named.areas,
+        in_turns=named is not None,
         ends=use.ends,
         width_m=min((each.width for each in use.narrow), default=None),
         length_m=sum(each.length for each in use.narrow) if use.narrow else None,
@@ -258,7 +261,10 @@ def _lines(explained: ExplainedLab) -> Iterator[str]:
         yield from ("", "  the floor is not searched: it is too large for robots so small")
     elif not explained.passages:
         yield from ("", "  none: two robots can pass each other everywhere")
-    if explained.names_none and any(passage.drives for passage in explained.passages):
+    found = [passage for passage in explained.passages if passage.key is None and passage.in_turns]
+    if found:
+        yield from ("", *_paste(found))
+    elif explained.names_none and any(passage.drives for passage in explained.passages):
         yield from ("", *_NAMING)
     left_out = len(explained.passages) - PASSAGES_SHOWN_MAX
     if left_out > 0:
@@ -310,6 +316,21 @@ _NAMING = (
     "  Areas at the ends of a passage, named under bottleneck.mouths, make it the passage of the turns: robots of one",
     "  direction then follow one another, and a turn is over behind it.",
 )
+
+
+def _paste(found: Sequence[ExplainedPassage]) -> Iterator[str]:
+    """Yield the passages that were found as lines of a lab file."""
+    yield "  Whoever drives through a passage that was found takes turns. In the lab file, to name or to change them"
+    yield "  (`passages: {}` for none):"
+    yield ""
+    yield "    areas:"
+    for passage in found:
+        for sign, end in zip("ab", passage.ends, strict=True):
+            yield f"      {passage.name}_{sign}: {{at: {_at(end)}}}"
+    yield "    passages:"
+    for passage in found:
+        yield f"      {passage.name}: {{mouths: [{passage.name}_a, {passage.name}_b]}}"
+
 
 _KINDS = {
     IN_TURNS: "yes, by turns of this passage",

@@ -27,6 +27,8 @@ from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
 CORE_RADII = 2.0
 """A wide place whose robots' centres have less room than this, in radii of a robot, is part of the narrow section."""
+LINE_M = 0.02
+"""Tolerance of a centre line, which follows the cells of a grid."""
 LINE_STEP = 5
 """Cells from one point of a passage's centre line to the next."""
 CELLS_LEAST = 2.0
@@ -62,6 +64,18 @@ class NarrowPassage:
     def away(self, at: Point) -> float:
         """Return the distance of a point from the centre line, metres."""
         return min((point_segment_distance(*at, *a, *b) for a, b in pairwise(self.line)), default=math.inf)
+
+    def holds(self, at: Point) -> bool:
+        """Return whether a robot at `at` is between the ends."""
+        reach_m = self.width / 2.0 + LINE_M
+        x, y = at
+        low_x = min(point.x for point in self.line) - reach_m
+        high_x = max(point.x for point in self.line) + reach_m
+        if not low_x <= x <= high_x:
+            return False
+        away_m = self.away(at)
+        ends_m = min(distance(x, y, *end) for end in self.ends)
+        return away_m <= reach_m and away_m < ends_m - LINE_M
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-from rmr.base.arena import BOTTLENECK, Area, Arena
-from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage
+from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.motion_scale import scale_of
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
@@ -25,22 +25,21 @@ from rmr_world.validate.first_instant import MOVETO, ROBOTS_MAX, machine_after_s
 
 SAMPLE_M = 0.02
 """Step along a route in the search for narrow places on it."""
-LINE_M = 0.02
-"""Tolerance of a centre line, which follows the cells of a grid."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedPassage:
-    """A passage that the lab file names."""
+    """A passage with turns: one that the lab file names, or of one that names none one that was found."""
 
     name: str
     path: FilePath
-    """Its place in the lab file."""
+    """Its place in the lab file; of one that was found that of the floor."""
     areas: tuple[str, ...]
     """The areas at its entrances."""
     entrances: tuple[Point, ...]
     by_event: bool
     """Whether its turns exclude jobs of one event only, and not all that drive through."""
+    found: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ class PassageUse:
 
     name: str
     named: NamedPassage | None
-    """None: it was found, and the lab file does not name it."""
+    """None: it has no turns of its own."""
     ends: tuple[Point, ...]
     narrow: tuple[NarrowPassage, ...]
     """The narrow sections of the floor that it consists of; empty where a named one is not narrow."""
@@ -96,17 +95,24 @@ def passages_on(arena: Arena, route: Route) -> dict[str, Route]:
 
 
 def named_passages(arena: Arena) -> tuple[NamedPassage, ...]:
-    """Return the passages that the lab file names: the only place that knows by which keys."""
+    """Return the passages that have turns: the only place that knows by which keys of the lab file."""
     return tuple(
         NamedPassage(
             passage.name,
-            (BOTTLENECK,) if passage.by_event else ("passages", passage.name),
+            _path(passage),
             tuple(area.name for area in passage.entrances),
             passage.mouths,
             by_event=passage.by_event,
+            found=passage.found,
         )
         for passage in arena.passages
     )
+
+
+def _path(passage: FloorPassage) -> FilePath:
+    if passage.found:
+        return ("arena",)
+    return (BOTTLENECK,) if passage.by_event else ("passages", passage.name)
 
 
 @lru_cache(maxsize=4)
@@ -154,7 +160,7 @@ def _first_instants(lab: Lab, program: Program) -> tuple[tuple[FirstDrive | None
 
 def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
     """Return whether a robot at `at` stands in a narrow section."""
-    return any(_holds(each, at) for each in found.passages)
+    return any(each.holds(at) for each in found.passages)
 
 
 def _first_drive(lab: Lab, program: Program, start: RobotStart, machine: Machine) -> FirstDrive | None:
@@ -213,18 +219,5 @@ def stretch(arena: Arena, drive: FirstDrive, use: PassageUse) -> tuple[float, fl
 def _stretch(route: Route, passage: NarrowPassage) -> tuple[float, float] | None:
     """Return the arc lengths of the first and of the last point of `route` in a narrow section, metres."""
     steps = int(route.length_m / SAMPLE_M)
-    inside = [k * SAMPLE_M for k in range(steps + 1) if _holds(passage, route.point(k * SAMPLE_M))]
+    inside = [k * SAMPLE_M for k in range(steps + 1) if passage.holds(route.point(k * SAMPLE_M))]
     return (inside[0], inside[-1]) if inside else None
-
-
-def _holds(passage: NarrowPassage, at: Point) -> bool:
-    """Return whether a robot at `at` is between the ends of a narrow section."""
-    reach_m = passage.width / 2.0 + LINE_M
-    x, y = at
-    low_x = min(point.x for point in passage.line) - reach_m
-    high_x = max(point.x for point in passage.line) + reach_m
-    if not low_x <= x <= high_x:
-        return False
-    away_m = passage.away(at)
-    ends_m = min(distance(x, y, *end) for end in passage.ends)
-    return away_m <= reach_m and away_m < ends_m - LINE_M

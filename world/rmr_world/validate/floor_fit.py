@@ -5,11 +5,11 @@ Each check takes the draft of the lab and yields the errors of one rule.
 
 from collections.abc import Iterator, Sequence
 
-from rmr.base.arena import BOTTLENECK, FloorPassage
+from rmr.base.arena import BOTTLENECK
 from rmr.base.geometry import Point, distance
 from rmr.node.motion.grid import TIGHT_MARGIN_M
-from rmr.node.motion.route import ROOM_M
 from rmr_world.finding import FilePath, Finding
+from rmr_world.found_passages import too_near
 from rmr_world.lab_geometry import overlaps
 from rmr_world.units import ROBOTS_MAX
 from rmr_world.validate.lab_draft import LabDraft
@@ -88,32 +88,15 @@ def passage_ends_apart(draft: LabDraft) -> Iterator[Finding]:
 def passages_apart(draft: LabDraft) -> Iterator[Finding]:
     """Robots that wait before an entrance stand in the way of none that use another passage."""
     arena = draft.arena
-    # What a robot that waits leaves free for one that comes out (`rmr.node.motion.route`), and its own hull.
-    wait_m = 4.0 * arena.shape.radius + ROOM_M
     for number, passage in enumerate(arena.passages):
         for other in arena.passages[:number]:
-            for way, one in enumerate(passage.mouths):
-                for its_way, two in enumerate(other.mouths):
-                    faces = _faces(passage, way, two) and _faces(other, its_way, one)
-                    apart_m = 2.0 * wait_m if faces else wait_m
-                    gap_m = distance(*one, *two)
-                    if gap_m < apart_m:
-                        remedy = "make one of them, with mouths at the outer ends" if faces else "make them one passage"
-                        message = (
-                            f"'{passage.entrances[way].name}' is {gap_m:.2f} m from '{other.entrances[its_way].name}' "
-                            f"of passage '{other.name}'; robots that wait there need {apart_m:.2f} m: {remedy}"
-                        )
-                        yield draft.error(("passages", passage.name), message)
-
-
-def _faces(passage: FloorPassage, way: int, point: Point) -> bool:
-    """Return whether `point` lies straight before the entrance for `way`, within 60 degrees."""
-    if not passage.two_ended:
-        return False
-    mouth = passage.mouth(way)
-    end = passage.mouth(1 - way)
-    ahead = (point.x - mouth.x) * (mouth.x - end.x) + (point.y - mouth.y) * (mouth.y - end.y)
-    return ahead > 0.5 * distance(*point, *mouth) * distance(*mouth, *end)
+            for way, its_way, near in too_near(arena, passage, other):
+                remedy = "make one of them, with mouths at the outer ends" if near.faces else "make them one passage"
+                message = (
+                    f"'{passage.entrances[way].name}' is {near.gap_m:.2f} m from '{other.entrances[its_way].name}' "
+                    f"of passage '{other.name}'; robots that wait there need {near.apart_m:.2f} m: {remedy}"
+                )
+                yield draft.error(("passages", passage.name), message)
 
 
 def robot_count(draft: LabDraft) -> Iterator[Finding]:

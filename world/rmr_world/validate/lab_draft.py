@@ -6,6 +6,7 @@ other rule: whether the parts fit together is checked by `floor_fit` and `refere
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
+from rmr_world.found_passages import found_passages
 from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart
 from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
 from rmr_world.near_miss import near_miss
@@ -56,6 +58,7 @@ class LabDraft:
         self.robots = self._robots()
         """The robots, each with the index of the item in the file that defines it."""
         self.ids = {start.id for _, start in self.robots}
+        self.arena = self._passages_found()
         self.facts = self._facts()
         """Facts by their index in the file."""
         self.finish = None if not self.spec.finish else self._finish(self.spec.finish)
@@ -129,6 +132,16 @@ class LabDraft:
             passages=self._passages(),
             stations=self._stations(shape),
         )
+
+    def _passages_found(self) -> Arena:
+        """Return the arena with the passages of its floor, where the file names none."""
+        arena = self.arena
+        named = self.spec.bottleneck is not None or "passages" in self.spec.model_fields_set
+        if named or arena.stations or not self.robot_fits_arena:
+            return arena
+        starts = [Point(start.pose.x, start.pose.y) for _, start in self.robots]
+        goals = [place for area in arena.areas if area.box is None for place in area.places]
+        return replace(arena, passages=found_passages(arena, [*starts, *goals]))
 
     @property
     def entrances(self) -> dict[FilePath, tuple[str, list[str]]]:

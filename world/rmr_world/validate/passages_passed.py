@@ -25,7 +25,7 @@ def bottleneck_without_turns(lab: Lab, program: Program) -> Iterator[Finding]:
 
 def passage_not_passed(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a passage that lies on no robot's route."""
-    passages = [each for each in lab.arena.passages if not each.by_event or _has_turns(program)]
+    passages = [each for each in lab.arena.passages if not each.found and (not each.by_event or _has_turns(program))]
     passed = _passed(lab) if passages else None
     if passed is None:
         return
