@@ -104,7 +104,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         HazardStage.CAP,
         "several robots that drive to one place",
         "a robot whose goal is taken waits six radii before it, so that the one there can leave; each that goes later, "
-        "in the order, waits three radii farther away, up to five of them",
+        "in the order, waits three radii farther away, up to five of them; robots on each other's goals go",
         "goal_queue.py",
     ),
     Hazard(
