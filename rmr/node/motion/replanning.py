@@ -29,13 +29,13 @@ def obstacles_of(arena: Arena, start: Point, order: DriveOrder, parked: Sequence
 def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> Route | None:
     """Return the route from `start` that `order` asks for, around those `parked`; None when there is none."""
     parked = obstacles_of(arena, start, order, parked)
-    if order.through_gate and order.shared is not None:
-        route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
-        if route is None or order.via in (None, route.passage):
-            return route
-    if order.through_gate:
-        return gated_route(arena, start, order.goal, parked, behind=order.behind, via=order.via)
-    return leader_route(arena, start, order.goal, parked, through_gate=False)
+    if not order.through_gate:
+        return leader_route(arena, start, order.goal, parked, through_gate=False)
+    own = gated_route(arena, start, order.goal, parked, behind=order.behind, via=order.via)
+    if order.shared is None or own is None or own.gate_m is None:
+        return own  # a way that passes nothing is not shared
+    route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
+    return route if route is None or order.via in (None, route.passage) else own
 
 
 def is_barred(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> bool:

@@ -12,7 +12,8 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.route import leader_route, make_route
+from rmr.node.motion.replanning import ordered_route
+from rmr.node.motion.route import DriveOrder, leader_route, make_route
 
 
 def area(name, x, y):
@@ -173,3 +174,13 @@ def test_a_way_around_a_passage_is_not_taken_for_one_through_it():
     through = make_route(arena, [start, *upper.mouths, goal], through_gate=True)
     assert (through.passage, through.way) == ("upper", 0)
     assert shared_part(arena, through) is None
+
+
+def test_a_robot_does_not_follow_its_leader_through_a_passage_to_a_place_before_it():
+    leader = leader_route(ROW, WEST, EAST, (), through_gate=True)
+    assert leader is not None
+    shared = shared_part(ROW, leader)
+    for goal, passage in ((EAST, "one"), (Point(0.5, 0.3), None)):
+        route = ordered_route(ROW, WEST, DriveOrder(goal, shared, through_gate=True), ())
+        assert route is not None
+        assert route.passage == passage
