@@ -22,6 +22,8 @@ EACH_RADII: Final = 3.0
 QUEUED_MAX: Final = 5
 SLACK_RADII: Final = 0.5
 """A robot that is nearer to the goal than where it waits, by more than this, drives on."""
+BESIDE: Final = 1.5
+"""Robots within this many times the distance at which one stands on a goal are in a ring that waits for itself."""
 WAITING_RADII: Final = NEAR_RADII + (QUEUED_MAX + 1) * EACH_RADII
 """Robots nearer to the goal than this wait for it."""
 
@@ -31,6 +33,11 @@ def hold_m(route: Route, shape: RobotShape, ahead: int) -> float:
     radii = NEAR_RADII + EACH_RADII * (min(ahead, QUEUED_MAX) - 1)
     before = route.length_m - radii * shape.radius
     return before if route.gate_m is None else max(before, route.clear_m)
+
+
+def is_one_goal(one: Point | None, other: Point | None, shape: RobotShape) -> bool:
+    """Return whether a robot at the one goal stands on the other."""
+    return one is not None and other is not None and distance(*one, *other) < 2.0 * shape.radius + TIGHT_MARGIN_M
 
 
 def robots_ahead(
@@ -49,7 +56,7 @@ def robots_ahead(
         its = distance(other.pose.x, other.pose.y, *goal)
         if its >= WAITING_RADII * radius:
             continue
-        comes = other.goal is not None and distance(*other.goal, *goal) < reach
+        comes = is_one_goal(other.goal, goal, shape)
         if its < reach:
             ahead += away >= reach and not _waits_for(here, other, others, reach)
         elif comes and (its < away if its < near else away >= near and order_key(other.rank, other.robot) < mine):
@@ -60,8 +67,10 @@ def robots_ahead(
 def _waits_for(here: Point, other: Heard, others: Sequence[Heard], reach: float) -> bool:
     """Return whether `other` wants to be `here`, or where one stands who does, or where one stands who wants to there.
 
-    Robots that stand on each other's goals would wait for ever. They all go, and pass each other.
+    Robots that stand on each other's goals would wait for ever. They all go, and pass each other. Each has to see
+    it, and sees places a little differently: who is beside a goal counts as there.
     """
+    reach *= BESIDE
     wants = other.goal
     for _ in others:
         if wants is None or distance(*wants, *here) < reach:

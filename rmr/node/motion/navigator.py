@@ -20,7 +20,7 @@ from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.estimate import time_left
 from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.goal_queue import WAITING_RADII, robots_ahead
+from rmr.node.motion.goal_queue import WAITING_RADII, is_one_goal, robots_ahead
 from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
@@ -160,6 +160,8 @@ class Navigator:
             self._right_of_way = 1.0
             return
         first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
+        if not self._ahead:  # of those that drive to one place the queue before it decides
+            first = [other for other in first if not is_one_goal(other.goal, self.goal, self.arena.shape)]
         self._right_of_way = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
 
     def face(self, theta: float) -> None:

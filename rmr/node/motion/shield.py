@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from typing import Final, final
 
-from rmr.base.arena import BRAKE, Arena
+from rmr.base.arena import BRAKE, REFERENCE, Arena
 from rmr.base.geometry import Pose, Twist, hypot
 from rmr.base.motion_scale import HEADING_ERROR, LAG_S, blur_m
 from rmr.base.time import Duration, in_seconds
@@ -29,8 +29,7 @@ SLOPE_WAY_M: Final = 0.05
 """On a way to a place that keeps the margin, the error of the place is in the margin already, and has no part in the
 slope from here on: HEADING_ERROR is left. The reference robot stands within this."""
 APART_MPS: Final = 0.4
-"""Up to this speed the speed law alone keeps robots apart that drive: the way to stand is 15 cm. Of 80 runs of robots
-that cross at 0.2 to 0.7 m/s none had a contact, and no drawn lab below 0.7 m/s."""
+"""Robots of up to this speed are kept apart by the speed law alone while they drive: the way to stand is 15 cm."""
 STEP_M: Final = 0.002
 """Least step along a way. Between two points that are farther than D from another one, the way is nearer by at most
 STEP_M^2 / (8 D): 4 micrometres at 14 cm."""
@@ -57,7 +56,7 @@ class TakenDisc:
 class Shield:
     """The shield of robots of one shape."""
 
-    __slots__ = ("_brake", "_lag_s", "_speed", "_stop_s", "_touch")
+    __slots__ = ("_brake", "_lag_s", "_speed", "_stop_s", "_touch", "apart_from")
 
     def __init__(self, radius: float, speed: float, lag_s: float = LAG_S, brake: float = BRAKE) -> None:
         """`radius` of a hull, metres; greatest `speed`, m/s."""
@@ -66,6 +65,8 @@ class Shield:
         self._lag_s: Final = lag_s
         self._brake: Final = brake
         self._stop_s: Final = lag_s + speed / brake
+        self.apart_from: Final = math.inf if speed <= APART_MPS else REFERENCE.speed
+        """The speed that `apart` leaves to the robot, m/s."""
 
     def taken(self, x: float, y: float, sigma_m: float, unknown: Duration) -> TakenDisc:
         """Return the disc of a robot that was heard at (x, y) in the own frame, metres.
@@ -98,10 +99,10 @@ class Shield:
         """Return the share of `twist` from which the robot stands nearer to its own place than to those of `bodies`.
 
         Those that drive count, in the robot's frame, where they are now; `sigma_m`: standard deviation of their
-        distance. A robot is left `APART_MPS`. `lead` as in `past`.
+        distance. A robot is left the speed `apart_from`. `lead` as in `past`.
         """
         speed = abs(twist.v)
-        if speed <= APART_MPS:
+        if speed <= self.apart_from:
             return 1.0
         way = self._way(speed)
         free = way
@@ -114,7 +115,7 @@ class Shield:
             half = 0.5 * (away - SIGMAS * sigma_m - blur_m(min(self._speed, drives))) - radius
             if half < free * (1.0 + SLOPE) and away > 0.0:
                 free = _way_before(twist, lead, body.x / away, body.y / away, half, free)
-        return 1.0 if free >= way else max(APART_MPS, self._speed_on(free)) / speed
+        return 1.0 if free >= way else max(self.apart_from, self._speed_on(free)) / speed
 
     def within(self, twist: Twist, pose: Pose, arena: Arena, sigma_m: float, lead: LeadIn | None = None) -> float:
         """Return the greatest share of `twist` from which a robot at `pose` stands before each wall; 0 to 1.

@@ -19,7 +19,7 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.hazards import SILENCE_RULES, UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import APART_MPS, Shield, TakenDisc
+from rmr.node.motion.shield import Shield, TakenDisc
 from rmr.node.motion.speed_law import SpeedLaw
 from rmr.node.ports import SeenBody
 
@@ -232,7 +232,7 @@ class SpeedControl:
         shield = self._shield
         share = self._before_walls(twist, pose, lead) if walls else 1.0
         share = min(share, shield.past(twist, self._standing(pose), lead))
-        if twist.v <= APART_MPS:
+        if twist.v <= shield.apart_from:
             return share
         around = self.scene
         bodies = around.bodies

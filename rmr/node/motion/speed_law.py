@@ -55,7 +55,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "right_of_way",
         HazardStage.CAP,
         "paths that cross",
-        "the earlier in the order goes first; the later takes the largest share of its speed that keeps clear",
+        "the earlier in the order goes first; the later takes the largest share of its speed that keeps clear; between "
+        "drives to one place the queue decides",
         "priority.py",
     ),
     SilenceRule(

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from rmr.base.arena import BRAKE, TURN_ACCELERATION, Arena, RobotShape
+from rmr.base.arena import BRAKE, REFERENCE, TURN_ACCELERATION, Arena, RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.motion_scale import HEADING_ERROR, LAG_S, PLANNED_BRAKE, REACTION_BRAKE, scale_of
 from rmr.base.time import seconds
@@ -17,7 +17,7 @@ from rmr.node.motion.follow import LOOK_AHEAD_M, Follower
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import make_route
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.shield import APART_MPS, Shield, on_the_way
+from rmr.node.motion.shield import Shield, on_the_way
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.ports import SeenBody
@@ -181,10 +181,12 @@ def test_two_fast_robots_that_meet_each_keep_to_their_half_of_the_way():
         ((-0.5, 0.0, 1.0, 0.0), 1.0),  # behind
         ((0.0, 0.5, 1.0, 0.0), 1.0),  # abeam, on a parallel way
         ((0.3, 0.0, 0.0, 0.0), 1.0),  # one that stands is another part's
-        ((0.21, 0.0, -1.0, 0.0), APART_MPS),  # near: the other rules decide
+        ((0.21, 0.0, -1.0, 0.0), REFERENCE.speed),  # near: the other rules decide
     ],
 )
-def test_what_comes_no_nearer_does_not_slow_a_fast_robot_and_nothing_below_apart_mps(body, share):
+def test_what_comes_no_nearer_does_not_slow_a_fast_robot_and_nothing_below_the_speed_of_the_reference_robot(
+    body, share
+):
     assert share_before(*body) == share
 
 

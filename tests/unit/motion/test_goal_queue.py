@@ -1,12 +1,14 @@
 """The queue for a goal: who goes first, and where the others wait."""
 
+import math
 from itertools import pairwise
 
 import pytest
 
-from rmr.base.arena import REFERENCE
+from rmr.base.arena import REFERENCE, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.node.motion.goal_queue import hold_m, robots_ahead
+from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard, order_key
 from rmr.node.motion.route import Route
 
@@ -68,3 +70,11 @@ def test_the_more_go_first_the_farther_away_a_robot_waits_but_never_in_a_passage
     assert len(set(waits[4:])) == 1
     behind_a_passage = Route(points, (0.0, 2.0), gate_m=0.5, clear_m=1.8)
     assert hold_m(behind_a_passage, REFERENCE, 3) == pytest.approx(1.8)
+
+
+@pytest.mark.parametrize(("goal", "gives_way"), [(GOAL, False), (Point(GOAL.x, 0.2), True)])
+def test_a_robot_that_is_nearly_there_does_not_stand_for_others_that_want_to_the_same_place(goal, gives_way):
+    nav = Navigator(Arena(4.0, 2.0, 0.05), 2)
+    assert nav.go(0, Pose(GOAL.x - NEAR, GOAL.y, 0.0), GOAL)
+    nav.update_moving(0, 2, [Heard(1, Pose(GOAL.x, GOAL.y + WAITING, -math.pi / 2.0), goal, 1, 0)])
+    assert (nav._right_of_way < 1.0) is gives_way
