@@ -108,12 +108,12 @@ def join_recording(plan: RunPlan, outcome: RunOutcome) -> list[str]:
 
 
 def _record_faults(plan: RunPlan, outcome: RunOutcome) -> None:
-    """Write the faults of processes on request into a part of the recording."""
+    """Write what befell the processes of robots into a part of the recording."""
     part = plan.part(f"{LAUNCHER_PROCESS}.1")
-    if part is None or not outcome.faults:
+    if part is None or not (outcome.faults or outcome.lives):
         return
     writer = RecordWriter(part, about_run(plan.lab.name, "processes", plan.lab.seed, plan.lab.roster, LAUNCHER_PROCESS))
-    for entry in outcome.faults:
+    for entry in (*outcome.faults, *outcome.lives):
         writer.write("/faults", seconds(entry.get("at", entry.get("from", 0.0))), {"fault": entry})
     writer.close()
 

@@ -37,13 +37,13 @@ from rmr_deploy.program_watch import watched
 from rmr_deploy.restarts import Restarts
 from rmr_deploy.robot_lives import RobotLives
 from rmr_deploy.run_end import judged_end, names, patiently, unready, who_came_back, who_ended
-from rmr_deploy.run_outcome import RunOutcome
+from rmr_deploy.run_outcome import Life, RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
 from rmr_deploy.run_status import told_facts, told_status
 from rmr_deploy.run_sweep import sweep
 from rmr_deploy.screen import Screen
 from rmr_deploy.status_monitor import StatusMonitor
-from rmr_world.quorum import ALL
+from rmr_world.quorum import ALL, STOPPED
 
 POLL_S = 0.05
 """Period with which the states of processes are polled: the exit of one is reported within this time."""
@@ -84,7 +84,7 @@ class LabRun:
             lambda: self.monitor.now_s if self.monitor else 0.0,
         )
         self.outcome.faults = self.faults.entries
-        self.restarts = Restarts(plan.options.restart, self._start_again)
+        self.restarts = Restarts(plan.options.restart, self._replace)
         self.schedule = FaultSchedule(plan.lab.faults, self._order)
         self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
@@ -164,6 +164,11 @@ class LabRun:
             message = f"robot {robot} is started again"
             self.events.note("robot_started", message, robot=robot, process=name, pid=child.pid)
         return child
+
+    def _replace(self, robots: Sequence[int], name: str) -> None:
+        """Start the process `name` as the restart policy says. Raises OSError."""
+        self._start_again(robots, name)
+        self.outcome.note_lives("restart", robots, self._lab_s())
 
     def _child(self, name: str, part: str, command: Sequence[str], *, threaded: bool = False) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
@@ -297,8 +302,12 @@ class LabRun:
                     self.monitor.retire(robot, self.outcome.fate(child.name))
             by_hand = child.name in self.faults.killed
             replaced = not by_hand and self.restarts.failed(child, code, robots) is not None
-            if by_hand or replaced or child.name in self.faults.crashed:
+            crashed = child.name in self.faults.crashed
+            if by_hand or replaced or crashed:
                 self.outcome.excused.add(child.name)
+            if self.outcome.fate(child.name) == STOPPED or not (by_hand or crashed):
+                word: Life = "stop" if self.outcome.fate(child.name) == STOPPED else "die"
+                self.outcome.note_lives(word, robots, self._lab_s())
         may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
         asked = all(child.name in self.outcome.excused for child in news)
         if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
@@ -307,6 +316,9 @@ class LabRun:
     def _note_robot(self, event: str, robot: int, message: str) -> None:
         self._screen.say(message)
         self.events.note(event, message, robot=robot)
+        assert self.monitor is not None
+        ended: Life = "stop" if self.monitor.fate(robot) == STOPPED else "die"
+        self.outcome.note_lives("restart" if event == "robot_back" else ended, [robot], self._lab_s())
 
     def _can_go_on(self, *, asked: bool) -> bool:
         """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""

@@ -76,5 +76,5 @@ class RobotLives:
                 note("robot_back", robot, f"robot {robot} is back: another process has taken its place")
             elif robot in self.returned and not here:
                 self.returned.discard(robot)
-                monitor.retire(robot, monitor.fate(robot))
                 note("robot_left", robot, f"robot {robot} has left again")
+                monitor.retire(robot, monitor.fate(robot))

@@ -4,11 +4,15 @@ Whether one died or was stopped is decided here alone: it was stopped if that wa
 order, as at SIGTERM. What then has to be said of it, in words and colours, follows from its fate (`rmr_world.quorum`).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from rmr.entry import ExitCode
 from rmr_world.quorum import DIED, STOPPED, Fate
+
+Life = Literal["stop", "die", "restart"]
+"""A robot's process was stopped in order, died without an order, or was started again by policy or by hand."""
 
 
 @dataclass(slots=True)
@@ -38,6 +42,8 @@ class RunOutcome:
     """Wall time of the whole run."""
     faults: list[dict[str, Any]] = field(default_factory=list)
     """Faults of processes on request, in the form of a lab file's entries."""
+    lives: list[dict[str, Any]] = field(default_factory=list)
+    """Ends and starts of robots' processes that are no faults on request: see `note_lives`."""
     loads: list[dict[str, Any]] = field(default_factory=list)
     """What became of the loads of the lab file that have begun, as entries of the report."""
     report_error: str | None = None
@@ -51,6 +57,10 @@ class RunOutcome:
         self.invalid |= exit_code == ExitCode.INVALID
         if asked or exit_code == ExitCode.OK:
             self.stopped.add(name)
+
+    def note_lives(self, word: Life, robots: Iterable[int], at_s: float | None) -> None:
+        """Note, for the recording, what befell the processes of `robots` at a lab time; None: before it began."""
+        self.lives += [{"at": round(at_s or 0.0, 3), word: robot} for robot in robots]
 
     def fate(self, name: str) -> Fate:
         """Return what became of the process `name`, which has ended."""

@@ -29,6 +29,7 @@ from rmr_view.svg_picture import (
     star_path,
 )
 from rmr_view.thinning import thinned, unwrapped
+from rmr_view.turn_intervals import GONE
 
 WIDTH: Final = 900.0
 FLOOR_HEIGHT: Final = 520.0
@@ -193,7 +194,7 @@ class _Animation:
         return parts
 
     def _dead(self, lane: Mapping[str, Any], radius: float) -> list[str]:
-        spans = [(each["begin_s"], each["end_s"]) for each in lane["intervals"] if each["kind"] == "dead"]
+        spans = [(each["begin_s"], each["end_s"]) for each in lane["intervals"] if each["kind"] in GONE.values()]
         if not spans:
             return []
         cross = element("path", "nose halo line", d=cross_path(0, 0, 0.6 * radius))
@@ -241,7 +242,7 @@ class _Animation:
         for each in lane["intervals"]:
             x = scale(each["begin_s"])
             width = max(0.8, scale(each["end_s"]) - x)
-            kind = "soft" if each["kind"] in {"stalled", "dead"} else each["kind"]
+            kind = "soft" if each["kind"] in {"stalled", *GONE.values()} else each["kind"]
             self._picture.add("rect", f"bar edge {kind}", x=x, y=top + 4, width=width, height=self._lane - 8)
 
     def _marks(self, lanes: Sequence[Mapping[str, Any]], scale: Scale) -> None:

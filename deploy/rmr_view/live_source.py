@@ -80,6 +80,8 @@ class LiveSource:
         self._dead: set[int] = set()
         self._vanished: dict[int, tuple[float, float]] = {}
         """Robots whose liveliness token has gone: lab time, and the monotonic clock, at which it went."""
+        self._leaving: set[int] = set()
+        """Robots that have said that they end in order."""
         self._growing: GrowingRecording | None = None
         self._unread: str | None = None
         """Why the recording cannot be read, yet."""
@@ -106,6 +108,7 @@ class LiveSource:
             self._problems.append(f"no live data: {error}")
             return
         self._bus.subscribe(self._keys.truth, self._truth)
+        self._bus.subscribe(self._keys.statuses, self._status, whole=True)
         self._bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     def _truth(self, _key: str, message: wire.Envelope) -> None:
@@ -114,6 +117,11 @@ class LiveSource:
             self._clock = "running" if body.stamp > 0 else "waiting"
             poses = {robot: (x, y, heading) for robot, x, y, heading, _driven in body.robots}
             self.history.add_poses(max(0.0, in_seconds(body.stamp)), poses)
+
+    def _status(self, _key: str, message: wire.Envelope) -> None:
+        body = message.body
+        if isinstance(body, wire.Status) and body.final and body.state == "stopped":
+            self._leaving.add(message.sender)
 
     def _alive(self, key: str, alive: bool) -> None:
         """Note that the process of a robot has ended, or that another one has taken its place."""
@@ -142,7 +150,8 @@ class LiveSource:
     def _show_death(self, robot: int) -> None:
         t, _ = self._vanished.pop(robot)
         self._dead.add(robot)
-        self._mark(t, robot, "killed")
+        self._mark(t, robot, "stopped" if robot in self._leaving else "killed")
+        self._leaving.discard(robot)
 
     def _mark(self, t: float, robot: int, fault: str) -> None:
         self.history.add_trace([{"t": t, "robot": robot, "what": "fault", "fault": fault}])

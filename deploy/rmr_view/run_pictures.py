@@ -44,6 +44,7 @@ STYLE: Final = (
 .bar { stroke-width: 0.8 }
 .stalled { fill: url(#hatch) }
 .dead { fill: url(#cross) }
+.stopped { fill: none; stroke-dasharray: 3 3 }
 .band { fill: #D55E00; fill-opacity: 0.13 }
 .zero { stroke-width: 1.5 }
 """
@@ -109,7 +110,7 @@ def turns(data: RunData) -> str:
     for index, lane in enumerate(lanes):
         _lane(picture, lane, scale, top + LANE * index, index)
     kinds = dict.fromkeys(each["kind"] for lane in lanes for each in lane["intervals"])
-    known = [(kind, kind) for kind in (*KIND_COLOURS, "stalled", "dead") if kind in kinds]
+    known = [(kind, kind) for kind in (*KIND_COLOURS, "stalled", "dead", "stopped") if kind in kinds]
     entries = [*known, ("deadline", "deadline"), ("done", "done"), ("miss", "deadline missed")]
     legend(picture, LEFT, bottom + 56, entries)
     return picture.text()

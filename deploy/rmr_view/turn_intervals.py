@@ -11,7 +11,8 @@ serves a run under way, too; whatever is open then ends at the instant asked for
 | claiming | `CLAIM_S` before the slot begins, or when the slot is assigned if that is later | `entered`, `slot_lost` |
 | inside | `entered` | `left` |
 | stalled | a fault `stall`; lies over the other kinds | its end |
-| dead | the robot was killed | it was restarted |
+| dead | the robot was killed, or has died | it was restarted |
+| stopped | the robot was stopped in order | it was restarted |
 
 Actions are intervals of their own, from `action` to `action_ended`: a lane shows them where a robot takes no turns.
 
@@ -31,6 +32,13 @@ from rmr.coord.timing import ClaimTiming
 CLAIM_S = in_seconds(ClaimTiming().quiet + ClaimTiming().ahead)
 """A robot begins to claim so long before its slot begins, seconds."""
 
+GONE = {"killed": "dead", "kill": "dead", "die": "dead", "stopped": "stopped", "stop": "stopped"}
+"""Words for the end of a robot's process, of a fault or the trace -> kind of the time from then on."""
+
+DYING_S = 0.25
+"""The end of a process is dated by the lab time that its launcher heard last, 0.1 s old at most where the world is on
+time: entries of the trace until so long after it are of the process that has ended."""
+
 ACTIONS_MAX = 2000
 """Bound of the actions of a lane, the newest: more are closer together than a page has pixels."""
 
@@ -47,7 +55,7 @@ class _Lane:
     actions: deque[Record] = field(default_factory=lambda: deque(maxlen=ACTIONS_MAX))
     """Those that have begun; `end_s` is None while one is under way."""
     kind: str = ""
-    """Present kind: asking, waiting, inside or dead; empty: none of them."""
+    """Present kind: asking, waiting, inside, dead or stopped; empty: none of them."""
     since: float = 0.0
     slot_s: float = 0.0
     """While waiting: when the slot begins."""
@@ -71,13 +79,18 @@ class _Lane:
     def enter(self, kind: str, now: float) -> None:
         """Close the present interval and begin one of `kind`."""
         ended = self.closed(now)
-        if self.kind == "dead":
+        if self.gone:
             self.intervals += ended
         else:
             for interval in ended:
                 self.add(self.intervals, interval)
         self.kind = kind
         self.since = now
+
+    @property
+    def gone(self) -> bool:
+        """Whether there is no process."""
+        return self.kind in GONE.values()
 
     def add(self, records: list[Record], record: Record) -> None:
         """Add a record, whose event is the one that the robot names next."""
@@ -107,15 +120,20 @@ class TurnIntervals:
     def add(self, entry: Mapping[str, Any]) -> None:
         """Take in an entry of the trace; those of no concern are ignored."""
         take = self._WORDS.get(entry["what"])
-        if take is not None:
-            take(self, self._lane(entry["robot"]), float(entry["t"]), entry)
+        if take is None:
+            return
+        lane = self._lane(entry["robot"])
+        now = float(entry["t"])
+        if entry["what"] == "fault" or not lane.gone or now > lane.since + DYING_S:
+            take(self, lane, now, entry)
 
     def add_fault(self, fault: Mapping[str, Any]) -> None:
         """Take in a fault as reports have it: `{"at": 5.0, "kill": 3}`, `{"from": 2.0, "to": 3.0, "stall": 2}`."""
         times = {key: float(fault[key]) for key in ("at", "from", "to") if key in fault}
         self._faults.append({**fault, **times})
-        if "kill" in fault:
-            self._die(self._lane(fault["kill"]), times["at"])
+        end = next((word for word in GONE if word in fault), None)
+        if end is not None:
+            self._end(self._lane(fault[end]), times["at"], GONE[end])
         elif "restart" in fault:
             self._live(self._lane(fault["restart"]), times["at"])
         elif "stall" in fault:
@@ -221,8 +239,8 @@ class TurnIntervals:
                 return
 
     def _fault(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
-        if entry["fault"] == "killed":
-            self._die(lane, now)
+        if entry["fault"] in GONE:
+            self._end(lane, now, GONE[entry["fault"]])
         elif entry["fault"] == "restarted":
             self._live(lane, now)
 
@@ -258,10 +276,10 @@ class TurnIntervals:
             if term["robot"] == robot and term["end_s"] is None:
                 term["end_s"] = now
 
-    def _die(self, lane: _Lane, now: float) -> None:
-        if lane.kind == "dead":
+    def _end(self, lane: _Lane, now: float, kind: str) -> None:
+        if lane.gone:
             return
-        lane.enter("dead", now)
+        lane.enter(kind, now)
         for begun in lane.actions:
             if begun["end_s"] is None:
                 begun["end_s"] = now
@@ -270,7 +288,7 @@ class TurnIntervals:
         self._follow(next(robot for robot, each in self._lanes.items() if each is lane), now)
 
     def _live(self, lane: _Lane, now: float) -> None:
-        if lane.kind == "dead":
+        if lane.gone:
             lane.enter("", now)
 
 

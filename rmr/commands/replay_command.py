@@ -181,7 +181,9 @@ def _lines(check: "MindCheck", *, whole: bool) -> list[str]:
         lines = [f"{check.name}: equal up to {replay.now / 1e9:.3f} s ({measured}); then {check.problem}"]
     else:
         lines = [f"{check.name}: equal ({measured})"]
-    if whole and not replay.ended and not check.problem:
+    if whole and check.stop is not None:
+        lines.append(f"  it was stopped at {check.stop / 1e9:.3f} s, as somebody asked for")
+    elif whole and not replay.ended and not check.problem:
         lines.append(f"  its log ends at {replay.now / 1e9:.3f} s, not in good order: it was killed, or it still runs")
     samples, frames, refused = replay.not_delivered
     if samples or frames or refused:

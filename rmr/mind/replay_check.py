@@ -32,6 +32,8 @@ class MindCheck:
     """Why it could not be replayed, or not to its end."""
     stale: tuple[tuple[str, str, str], ...] = ()
     """What the recording depends on that is another one here: what, recorded, here."""
+    stop: Instant | None = None
+    """When its robot was stopped in order, if the recording tells so."""
     took_s: float = 0.0
     """Time that the replay took, by the given clock."""
 
@@ -63,6 +65,7 @@ class MindCheck:
             "outputs": replay.outputs,
             "times_real_time": round(self.seconds / self.took_s, 1) if self.took_s > 0 else None,
             "ended": replay.ended,
+            "stopped_s": None if self.stop is None else in_seconds(self.stop),
             "compiled": self.header.compiled,
             "not_delivered": {"samples": samples, "frames": frames, "refused": refused},
             "difference": None
@@ -126,6 +129,19 @@ class ReplayCheck:
                 self._pass_on(at // NS_PER_S)
                 yield at
         self._pass_on(None)
+        self._take_stops()
+
+    def _take_stops(self) -> None:
+        """Find which robots were stopped in order: a stop is of the last mind that had begun by then."""
+        for message in self._source.messages({"/faults"}):
+            robot = message.data["fault"].get("stop")
+            minds = [
+                check
+                for check in self.checks
+                if check.robot == robot and check.replay is not None and (check.replay.began or 0) <= message.at
+            ]
+            if minds:
+                minds[-1].stop = message.at
 
     @property
     def checks(self) -> list[MindCheck]:

@@ -103,8 +103,9 @@ CHANNELS: Final = (
         "/faults",
         "rmr.Fault",
         "json",
-        "world",
-        "a fault or a disturbance of the radio, when it becomes known: an entry as in a lab file (docs/labs.md)",
+        "world, launcher",
+        "a fault or a disturbance of the radio, when it becomes known: an entry as in a lab file (docs/labs.md); with "
+        "`stop` or `die` in place of `kill` where a robot was stopped in order, or its process died by itself",
         {"fault": {"type": "object"}},
     ),
     RecordChannel(

@@ -20,7 +20,7 @@ from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
 from rmr.vm.match import pattern_agrees
 from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.interval_parts import cut_at, deaths, merged, without
+from rmr.why.interval_parts import absences, cut_at, merged, without
 from rmr.why.pending import newest_arrival, next_supplier, on_their_way
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
@@ -42,6 +42,7 @@ WHEELS_GO_ON = milliseconds(100)
 CALLED_LATE = "its host called it late"
 OLD_SAMPLE = "its newest sample was old"
 DIED = "its process had ended"
+STOPPED = "it was stopped as somebody asked for"
 LINE_UP = "lineup"
 """The action that drives to a place in a queue."""
 
@@ -156,7 +157,8 @@ class CriticalPath:
             coasts = WHEELS_GO_ON if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
             late = [(due, called) for due, called in history.late if called - due > coasts]
             parts = without(parts, late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
-            parts = without(parts, deaths(history), TimeOwner.DEAD, robot, DIED)
+            parts = without(parts, absences(history, stopped=False), TimeOwner.DEAD, robot, DIED)
+            parts = without(parts, absences(history, stopped=True), TimeOwner.STOPPED, robot, STOPPED)
         self._found.extend(reversed(parts))
         self._cursor = since
 
@@ -256,7 +258,8 @@ class CriticalPath:
             born = history.lives[lives[-1]][0]
             died = history.lives[lives[-1] - 1][1]
             self._cover(born, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
-            self._cover(died, TimeOwner.DEAD, robot, (), DIED)
+            owner, detail = (TimeOwner.STOPPED, STOPPED) if died in history.stops else (TimeOwner.DEAD, DIED)
+            self._cover(died, owner, robot, (), detail)
             return lambda: self._stuck(robot)
         self._cover(self._begin, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
         return None

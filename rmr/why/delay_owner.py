@@ -22,6 +22,7 @@ class TimeOwner(Enum):
     REPEATS = "repeats"
     LATE_TICK = "late tick"
     DEAD = "dead"
+    STOPPED = "stopped"
     UNKNOWN = "unknown"
 
 
@@ -44,6 +45,7 @@ MEANINGS: dict[TimeOwner, str] = {
     TimeOwner.LATE_TICK: "the host called the robot more than one frame (1/60 s) after it was due (of one that drives "
     "0.1 s, for which its wheels turn on), or its samples were old",
     TimeOwner.DEAD: "the robot's process was dead, from its end to its restart",
+    TimeOwner.STOPPED: "the robot's process had been stopped in order, until it was started again",
     TimeOwner.UNKNOWN: "none of these: a defect of the analysis; please report it with the recording",
 }
 """What each owner means; docs/why-late.md shows the table."""

@@ -47,10 +47,13 @@ def run_history(recording: Recording) -> RecordedHistories:
     listeners: dict[int, HistoryListener] = {}
     problems = list(known.problems)
     doubtful: set[int] = set()
+    in_order: set[int] = set()
+    """Robots whose last life ended in order."""
     for mind, following in zip(found, [*found[1:], None], strict=True):
         listener = listeners.setdefault(mind.robot, HistoryListener(mind.robot, program, truth.get(mind.robot)))
         again = following is not None and following.robot == mind.robot
-        problem = _replayed(mind, listener, kills[mind.robot], again=again)
+        problem, ended = _replayed(mind, listener, kills[mind.robot], again=again)
+        (in_order.add if ended else in_order.discard)(mind.robot)
         if problem:
             problems.append(f"robot {mind.robot}, life {mind.epoch + 1}: {problem}")
             doubtful.add(mind.robot)
@@ -60,24 +63,27 @@ def run_history(recording: Recording) -> RecordedHistories:
     ends = max((listener.history.ends for listener in listeners.values()), default=0)
     for robot, listener in listeners.items():
         if robot not in doubtful:
-            end_early(listener, ends)
+            end_early(listener, ends, in_order=robot in in_order)
         listener.ended(ends)
     histories = {robot: listener.history for robot, listener in listeners.items()}
     return RecordedHistories(program, histories, _attempts(recording), tuple(problems))
 
 
-def end_early(listener: HistoryListener, ends: Instant) -> None:
-    """Note the end of a robot's process that ended in good order long before the run, which `ends` then."""
+def end_early(listener: HistoryListener, ends: Instant, *, in_order: bool) -> None:
+    """Note the end of a robot's process that ended, perhaps in good order, long before the run, which `ends` then."""
     history = listener.history
     if history.lives[-1][1] == NEVER and ends - history.ends > GONE_AFTER:
-        listener.died(history.ends)
+        listener.died(history.ends, stopped=in_order)
 
 
-def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant], *, again: bool) -> str:
-    """Replay one incarnation; return what was wrong, empty if nothing was. `again`: another one follows."""
+def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant], *, again: bool) -> tuple[str, bool]:
+    """Replay one incarnation; return what was wrong, empty if nothing was, and whether it ended in good order.
+
+    `again`: another one follows.
+    """
     listener.begin()
     at: Instant = 0
-    began = False
+    began = ended = False
     try:
         replay = mind.replay(witness=_nobody, provenance=listener.log)
         node = replay.node
@@ -89,6 +95,7 @@ def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant
                 listener.called(node, at)
             else:
                 listener.touched(node)
+        ended = replay.ended
         if replay.difference is not None:
             difference = replay.difference
             problem = f"its replay differs from the recording from {difference.at / 1e9:.3f} s on ({difference.what})"
@@ -97,11 +104,11 @@ def _replayed(mind: RecordedMind, listener: HistoryListener, kills: list[Instant
     except MindLogError as error:
         problem = str(error)
     if not began:
-        return problem or "its log is empty"
-    killed = [kill for kill in kills if kill >= at]
+        return problem or "its log is empty", ended
+    killed = [kill for kill in kills if at <= kill and not (ended and kill > at + GONE_AFTER)]
     if killed or again:
-        listener.died(min(killed, default=at) if not again or killed else at)
-    return problem
+        listener.died(min(killed, default=at), stopped=ended and not killed)
+    return problem, ended
 
 
 def _nobody(robot: int, now: Instant, event: object) -> None:
@@ -109,11 +116,11 @@ def _nobody(robot: int, now: Instant, event: object) -> None:
 
 
 def _kills(recording: Recording) -> defaultdict[int, list[Instant]]:
-    """Return when the process of each robot was killed."""
+    """Return when the process of each robot was killed, or died."""
     kills: defaultdict[int, list[Instant]] = defaultdict(list)
     for message in recording.messages((FAULTS,)):
         fault = message.data.get("fault", {})
-        for word in ("killed", "kill"):
+        for word in ("killed", "kill", "die"):
             robot = fault.get(word)
             if isinstance(robot, int):
                 kills[robot].append(seconds(fault.get("at", message.at / 1e9)))

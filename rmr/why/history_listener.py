@@ -132,9 +132,11 @@ class HistoryListener:
         self.history.lives.append((now, NEVER))
         self.called(node, now)
 
-    def died(self, now: Instant) -> None:
-        """Note that the process has ended."""
+    def died(self, now: Instant, *, stopped: bool = False) -> None:
+        """Note that the process has ended, perhaps because it was `stopped` in order."""
         history = self.history
+        if stopped:
+            history.stops.add(now)
         begin, _ = history.lives[-1]
         history.lives[-1] = (begin, now)
         history.motion.append((now, MotionState(Motion.IDLE)))

@@ -27,11 +27,15 @@ def _by_rules(interval: Interval) -> bool:
     return interval.owner is TimeOwner.STANDING and bool(interval.whom)
 
 
-def deaths(history: RobotHistory) -> list[tuple[Instant, Instant]]:
-    """Return from when to when a robot was dead after it had lived."""
+def absences(history: RobotHistory, *, stopped: bool) -> list[tuple[Instant, Instant]]:
+    """Return from when to when a robot was dead after it had lived, or had been `stopped` in order."""
     lives = history.lives
     begins = [begin for begin, _ in lives[1:]]
-    return [(end, begin) for (_, end), begin in zip(lives, [*begins, NEVER], strict=True) if end < begin]
+    return [
+        (end, begin)
+        for (_, end), begin in zip(lives, [*begins, NEVER], strict=True)
+        if end < begin and (end in history.stops) == stopped
+    ]
 
 
 def without(

@@ -150,6 +150,8 @@ class RobotHistory:
     robot: int
     lives: list[tuple[Instant, Instant]] = field(default_factory=list)
     """From when to when its process lived; NEVER: to the end of the run."""
+    stops: set[Instant] = field(default_factory=set)
+    """Those of the ends of `lives` at which the process was stopped in order."""
     ends: Instant = 0
     """The last instant that is known."""
     jobs: list[tuple[TimedJob, Instant | None]] = field(default_factory=list)

@@ -3,7 +3,7 @@
 import { html, useState } from "./vendor/htm-preact.js";
 import { token } from "./api.js";
 import { Badge, Section } from "./parts.js";
-import { clockText, faultBegin, faultEnd, faultText, intervalAt } from "./run_facts.js";
+import { clockText, faultBegin, faultEnd, faultText, intervalAt, isGone, stateText } from "./run_facts.js";
 import { mayControl, order } from "./session.js";
 import { useKeys } from "./store.js";
 
@@ -15,7 +15,8 @@ export function FaultsPanel() {
   if (!run.control) return html`<p class="empty">Faults can be caused only in a run that goes on, and only if the page was started with --control.</p>`;
   if (!token) return html`<p class="trouble">The address lacks the token. Open the page by the whole address that was printed.</p>`;
   const active = (timeline?.faults ?? []).filter((fault) => faultBegin(fault) <= nowSlow && nowSlow < faultEnd(fault));
-  const dead = run.robots.filter((robot) => intervalAt(timeline, robot, nowSlow)?.kind === "dead");
+  const kinds = new Map(run.robots.map((robot) => [robot, intervalAt(timeline, robot, nowSlow)?.kind]));
+  const dead = run.robots.filter((robot) => isGone(kinds.get(robot)));
   const rest = run.robots.filter((robot) => !apart.includes(robot));
   const toggle = (robot) => setApart(apart.includes(robot) ? apart.filter((one) => one !== robot) : [...apart, robot]);
   const for_s = Number(seconds) || 5;
@@ -24,7 +25,7 @@ export function FaultsPanel() {
       <strong>${active.length || dead.length ? "Active now" : "No fault is active"}</strong>
       <ul class="list">
         ${active.map((fault) => html`<li>${faultText(fault)}, since ${clockText(faultBegin(fault))}${Number.isFinite(faultEnd(fault)) ? `, until ${clockText(faultEnd(fault))}` : ""}</li>`)}
-        ${dead.map((robot) => html`<li>robot ${robot} killed</li>`)}
+        ${dead.map((robot) => html`<li>robot ${robot} ${stateText(kinds.get(robot))}</li>`)}
       </ul>
       <button class="plain" onClick=${() => order({ do: "clear" })}>Clear radio faults</button>
     </div>

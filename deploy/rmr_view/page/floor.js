@@ -4,7 +4,7 @@
 // theme or size change. World coordinates are metres with y upwards; `view` says which of them lie where.
 
 import { ALERT, faded, inkOn, robotColour, theme } from "./palette.js";
-import { hasMissed, intervalAt } from "./run_facts.js";
+import { hasMissed, intervalAt, isGone } from "./run_facts.js";
 import { fit, gestures } from "./surface.js";
 
 const TRAIL_S = 6;
@@ -407,7 +407,7 @@ export class Floor {
     if (x < -60 || y < -60 || x > this.width + 60 || y > this.height + 60) return;
     const { timeline, selected } = this.source;
     const kind = intervalAt(timeline, robot, t)?.kind;
-    const colour = kind === "dead" ? this.colours.muted : robotColour(robot);
+    const colour = isGone(kind) ? this.colours.muted : robotColour(robot);
     this.rings(c, x, y, radius, kind, robot === selected);
     nose(c, x, y, radius, pose.heading);
     c.fillStyle = colour;
@@ -420,8 +420,8 @@ export class Floor {
     c.fill();
     c.stroke();
     this.number(c, robot, x, y, radius, colour);
-    if (kind === "dead") {
-      c.strokeStyle = ALERT;
+    if (isGone(kind)) {
+      c.strokeStyle = kind === "dead" ? ALERT : this.colours.text;
       c.lineWidth = 3;
       cross(c, x, y, radius * 0.8);
     }

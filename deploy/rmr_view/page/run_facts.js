@@ -7,6 +7,7 @@ const STATES = {
   inside: "inside",
   stalled: "stalled",
   dead: "killed",
+  stopped: "stopped",
 };
 
 let indexed = null;
@@ -29,6 +30,11 @@ export function intervalAt(timeline, robot, t) {
     if (one.begin_s <= t) return t < one.end_s || one.open ? one : null;
   }
   return null;
+}
+
+/** Whether a robot has no process during an interval of `kind`. */
+export function isGone(kind) {
+  return kind === "dead" || kind === "stopped";
 }
 
 export function stateText(kind) {
@@ -90,7 +96,7 @@ export function faultText(fault) {
   if (fault.cut) return `cut${link}`;
   if (fault.loss !== undefined) return `loss ${Math.round(fault.loss * 100)} %${link}`;
   if (fault.attenuation_db !== undefined) return `attenuation ${fault.attenuation_db} dB${link}`;
-  const what = ["kill", "restart", "stall", "slow", "outage", "mute", "deaf"].find((key) => key in fault);
+  const what = ["kill", "stop", "die", "restart", "stall", "slow", "outage", "mute", "deaf"].find((key) => key in fault);
   return what ? `${what} ${fault[what]}` : "fault";
 }
 

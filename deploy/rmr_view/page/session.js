@@ -146,7 +146,7 @@ async function renewTimeline() {
   try {
     const known = clock.end;
     const timeline = await ask("timeline");
-    if (clock.running) markOpen(timeline, known);
+    markOpen(timeline, known);
     set({ timeline });
   } catch (error) {
     fail(error);
@@ -154,7 +154,7 @@ async function renewTimeline() {
   timelineTook = performance.now() - timelineAsked;
 }
 
-/** Intervals that reach to the present go on until the next answer; `known` is older than the answer. */
+/** Intervals that reach to the present, or to the end of the run, hold there; `known` is older than the answer. */
 function markOpen(timeline, known) {
   for (const lane of timeline.lanes) for (const one of lane.intervals) one.open = one.end_s >= known;
   for (const one of timeline.leaders) if (one.end_s >= known) one.end_s = null;

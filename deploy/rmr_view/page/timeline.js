@@ -311,7 +311,8 @@ export class Timeline {
       c.fillStyle = faded(ALERT, 0.3);
       c.fillRect(...box);
       c.fillStyle = this.hatch(c, ALERT, true);
-    } else if (kind === "stalled") c.fillStyle = this.hatch(c, ALERT, false);
+    } else if (kind === "stopped") c.fillStyle = this.hatch(c, this.colours.muted, true);
+    else if (kind === "stalled") c.fillStyle = this.hatch(c, ALERT, false);
     else if (kind === "asking") {
       c.fillStyle = this.hatch(c, colour, false);
     } else c.fillStyle = faded(colour, STRENGTH[kind] ?? 0.2);

@@ -16,6 +16,7 @@ from rmr.bus.secret import make_secret
 from rmr_deploy.lab_run import exit_code, make_report
 from rmr_deploy.launch import LabRun
 from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.restart_policy import RestartPolicy
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 
@@ -179,6 +180,17 @@ def test_with_keep_going_the_others_finish_and_the_exit_code_is_1_all_the_same(s
     assert not report["finished"]
     assert report["robots"]["1"]["finish_s"] == 0.3
     assert exit_code(outcome, report, strict=False) == 1
+
+
+def lives(outcome):
+    return [next(key for key in ("stop", "die", "restart") if key in entry) for entry in outcome.lives]
+
+
+def test_ends_of_robots_that_no_fault_tells_are_kept_for_the_recording(start):
+    outcome, report = end(start("crash", "roam", restart=RestartPolicy(1)))
+    assert lives(outcome) == ["die", "restart", "die"]
+    assert {entry[word] for entry, word in zip(outcome.lives, lives(outcome), strict=True)} == {1}
+    assert report["faults"] == []
 
 
 def test_with_a_quorum_of_the_living_the_run_finishes_without_a_dead_robot(start):

@@ -101,6 +101,20 @@ def test_killed_robot_is_dead_until_its_restart_and_nothing_of_its_turn_goes_on(
     assert kinds(lane_of([*PASSAGE[:2], *as_traced])) == kinds(lane)[:3]
 
 
+def test_robot_that_was_stopped_is_no_dead_one_and_one_that_died_by_itself_is():
+    faults = [{"at": 2.0, "stop": 1}, {"at": 5.0, "restart": 1}, {"at": 7.0, "die": 1}]
+    gone = [("asking", 0.5, 1.0), ("waiting", 1.0, 2.0), ("stopped", 2.0, 5.0), ("dead", 7.0, 20.0)]
+    assert kinds(lane_of(PASSAGE[:2], faults=faults)) == gone
+    assert kinds(lane_of([*PASSAGE[:2], entry(2.0, 1, "fault", fault="stopped")]))[-1] == ("stopped", 2.0, 20.0)
+
+
+def test_last_words_of_a_process_that_come_after_its_end_as_its_launcher_dates_it_do_not_revive_it():
+    late = [entry(2.1, 1, "slot_lost", event="crossing(exit)"), entry(2.2, 1, "asks")]
+    assert kinds(lane_of([*PASSAGE[:2], *late], faults=[{"at": 2.0, "stop": 1}]))[-1] == ("stopped", 2.0, 20.0)
+    back = entry(4.0, 1, "asks")  # of a process that was started by hand, of which no launcher tells
+    assert kinds(lane_of([*PASSAGE[:2], back], faults=[{"at": 2.0, "stop": 1}]))[-1] == ("asking", 4.0, 20.0)
+
+
 def test_deadlines_are_met_missed_or_undecided():
     jobs = [
         entry(0.0, 1, "job_started", job="a", deadline_s=5.0),

@@ -2,7 +2,7 @@
 
 from rmr.base.time import NEVER, milliseconds, seconds
 from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.interval_parts import cut_at, deaths, merged, without
+from rmr.why.interval_parts import absences, cut_at, merged, without
 from rmr.why.radio_time import Attempt, radio_time
 from rmr.why.robot_history import CauseKind, DeliverySpan, EventCause, KnownOrder, PassageSpan, RobotHistory, TurnGate
 from rmr.why.turn_order import NOT_ASKED, NOT_HEARD, NOT_NAMED, ONLY_PASSED, OWN_SLOT, waits_behind
@@ -151,5 +151,11 @@ def test_time_in_which_the_robot_was_called_late_goes_to_that_owner():
 
 def test_robot_is_dead_between_its_lives_and_after_the_last():
     history = RobotHistory(1, lives=[(0, 5), (7, 9), (12, NEVER)])
-    assert deaths(history) == [(5, 7), (9, 12)]
-    assert deaths(RobotHistory(1, lives=[(0, 5)])) == [(5, NEVER)]
+    assert absences(history, stopped=False) == [(5, 7), (9, 12)]
+    assert absences(RobotHistory(1, lives=[(0, 5)]), stopped=False) == [(5, NEVER)]
+
+
+def test_robot_that_was_stopped_in_order_is_not_dead():
+    history = RobotHistory(1, lives=[(0, 5), (7, 9), (12, NEVER)], stops={5})
+    assert absences(history, stopped=True) == [(5, 7)]
+    assert absences(history, stopped=False) == [(9, 12)]

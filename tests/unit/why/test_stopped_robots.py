@@ -1,4 +1,4 @@
-"""A robot that was stopped has no record of its end but that of its log: from then on it is dead."""
+"""A robot that was stopped has no record of its end but that of its log: from then on it is gone."""
 
 import pytest
 
@@ -6,17 +6,19 @@ from rmr.base.time import NEVER, seconds
 from rmr.lang.compiler import compile_source
 from rmr.why.delay_source import end_early
 from rmr.why.history_listener import HistoryListener
-from rmr.why.interval_parts import deaths
+from rmr.why.interval_parts import absences
 
 
+@pytest.mark.parametrize("in_order", [False, True])
 @pytest.mark.parametrize(
-    ("last_s", "dead"),
+    ("last_s", "gone"),
     [(3, [(seconds(3), NEVER)]), (39, [])],  # the last of those that are stopped with the run
 )
-def test_a_robot_whose_log_ends_long_before_the_run_is_dead_from_then_on(last_s, dead):
+def test_a_robot_whose_log_ends_long_before_the_run_is_gone_from_then_on(last_s, gone, in_order):
     program = compile_source("type at(robot, symbol).").program
     listener = HistoryListener(1, program)
     listener.history.lives.append((0, NEVER))
     listener.history.ends = seconds(last_s)
-    end_early(listener, seconds(40))
-    assert deaths(listener.history) == dead
+    end_early(listener, seconds(40), in_order=in_order)
+    assert absences(listener.history, stopped=in_order) == gone
+    assert absences(listener.history, stopped=not in_order) == []
