@@ -127,6 +127,7 @@ class LaunchedRun:
 def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapping[str, Any]) -> str:
     """Write the endpoint, the ids of the processes and what runs (`lab`) into the run folder. Raises OSError.
 
+    The register is written first: of a run whose folder has the record, every verb knows.
     Called again when a process was started: the starts of those that have ended since are kept. Returns a warning if
     the run is not in the register; empty if it is.
     """
@@ -136,17 +137,24 @@ def write_processes(folder: Path, endpoint: str, pids: dict[str, int], lab: Mapp
     found = {name: start_mark(pid) or known.get(name) for name, pid in {"launcher": launcher, **pids}.items()}
     record: dict[str, Any] = {"launcher": launcher, "connect": endpoint, "processes": pids}
     record |= {"started": {name: mark for name, mark in found.items() if mark}, "lab": dict(lab)}
+    why = _register(f"{launcher}.json", {**record, "folder": str(folder.resolve())})
     _write(folder / PROCESSES_FILE, record)
-    place = register()
-    why = f"there is no folder for it that only you can write ({', '.join(map(str, register_places()))})"
-    try:
-        if place is not None:
-            _write(place / f"{launcher}.json", {**record, "folder": str(folder.resolve())})
-            return ""
-    except OSError as error:
-        why = f"{place}: {error.strerror or error}"
+    if not why:
+        return ""
     by = f"other commands find it by --run {shlex.quote(str(folder))} alone"
     return f"this run is not in the register: {why}; {by}"
+
+
+def _register(name: str, record: Mapping[str, Any]) -> str:
+    """Write a record into the register; return why it is not there, empty if it is."""
+    place = register()
+    if place is None:
+        return f"there is no folder for it that only you can write ({', '.join(map(str, register_places()))})"
+    try:
+        _write(place / name, record)
+    except OSError as error:
+        return f"{place}: {error.strerror or error}"
+    return ""
 
 
 def write_end(folder: Path, exit_code: int) -> str:

@@ -97,7 +97,7 @@ def _wait_for_start(run: LaunchedRun, verb: str) -> None:
     """Wait until all robots of `run` have been ready. Raises FleetError if it is over before, or takes too long."""
     end = time.monotonic() + START_S
     waiting = False
-    while (told := told_status(run)) is not None and told["ready_s"] is None:
+    while _starts(run, known=waiting):
         if not waiting:
             print(f"rmr {verb}: lab {run.lab} is starting: waiting until its robots are ready", file=sys.stderr)
             waiting = True
@@ -107,6 +107,15 @@ def _wait_for_start(run: LaunchedRun, verb: str) -> None:
     if waiting and not run.launched:
         message = f"lab {run.lab} was over before it had started; rmr events --run {shown(run.folder)} tells why"
         raise FleetError(message, ExitCode.FAILED)
+
+
+def _starts(run: LaunchedRun, *, known: bool) -> bool:
+    """Whether the launcher of `run` says that the lab starts.
+
+    One of which that is `known`, and which does not answer now, is busy or ends: until it has ended it starts.
+    """
+    told = told_status(run)
+    return known and run.launched if told is None else told["ready_s"] is None
 
 
 def _order(

@@ -56,6 +56,20 @@ def test_names_of_files_are_those_of_the_modules_that_write_them():
     assert runs_module.SECRET_FILE == secret.SECRET_FILE
 
 
+def test_run_is_in_the_register_before_its_folder_tells_of_it(here, monkeypatch):
+    folder = folder_of_run(here)
+    seen = []
+    write = runs_module._write
+
+    def watched(path, record):
+        write(path, record)
+        seen.append(((folder / PROCESSES_FILE).exists(), [run.folder for run in active_runs()]))
+
+    monkeypatch.setattr(runs_module, "_write", watched)
+    write_processes(folder, "tcp/127.0.0.1:7", {"world": os.getpid()}, LAB)
+    assert seen == [(False, [folder]), (True, [folder])]
+
+
 def test_process_is_known_by_its_start(idle):
     mark = start_mark(idle.pid)
     assert mark is not None
