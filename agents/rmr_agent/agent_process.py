@@ -22,6 +22,7 @@ from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
+from rmr.record.run_files import attach_program
 from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
 from rmr_agent.robot_process import live
 from rmr_agent.robot_setup import RobotSetup
@@ -53,7 +54,9 @@ def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolde
 async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    recorder = None if options.record is None else ProcessRecorder(options.record, f"robots-{spelled(options.id)}")
+    attach = partial(attach_program, byte_code=setup.loaded.octets, actions=options.actions)
+    name = f"robots-{spelled(options.id)}"
+    recorder = None if options.record is None else ProcessRecorder(options.record, name, attach)
     try:
         await live(options.id, options.connect, options.lab, setup, ending, secret, recorder)
     finally:

@@ -22,8 +22,7 @@ from rmr.entry import ExitCode
 from rmr.record.joining import join_run
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
-from rmr.record.recording import LAUNCHER_PROCESS
-from rmr.record.run_about import about_run
+from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr_deploy.active_runs import write_end
 from rmr_deploy.detached import DetachedOutput
 from rmr_deploy.launch import LabRun

@@ -18,8 +18,8 @@ from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.record.record_writer import RecordWriter
-from rmr.record.recording import LAUNCHER_PROCESS, PARTS_FOLDER
-from rmr.record.run_about import about_run
+from rmr.record.recording import PARTS_FOLDER
+from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr.record.run_files import attach_files
 from rmr_deploy.resolved_lab import write_lab
 from rmr_deploy.restart_policy import RestartPolicy

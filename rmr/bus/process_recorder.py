@@ -12,7 +12,7 @@ from pathlib import Path
 from rmr.base.time import Instant
 from rmr.record.foxglove_messages import log_message
 from rmr.record.record_writer import RecordWriter
-from rmr.record.run_about import RunAbout, about_run
+from rmr.record.run_about import LAUNCHER_PROCESS, RunAbout, about_run
 
 FLUSH_S = 1.0
 """Period with which what has been recorded is put into the file: so much is lost of a process that is killed."""
@@ -31,13 +31,18 @@ log = logging.getLogger("rmr")
 class ProcessRecorder(logging.Handler):
     """Records what one process does."""
 
-    def __init__(self, file: Path, process: str) -> None:
-        """`process` is the name that the log lines and the file bear: ``world``, ``robots-4``."""
+    def __init__(self, file: Path, process: str, attach: Callable[[RecordWriter], None] = lambda _: None) -> None:
+        """`process` is the name that the log lines and the file bear: ``world``, ``robots-4``.
+
+        `attach` gives a new file what the process knows of the run: floor, lab, program. Beside the file of a launcher,
+        which has all of it, it is not called.
+        """
         super().__init__(logging.INFO)
         self.writer: RecordWriter | None = None
         """The present recording; None before the process has met its world."""
         self._file = file
         self._process = process
+        self._attach = attach
         self._about: RunAbout | None = None
         self._now: Callable[[], Instant] = lambda: 0
         self._waiting: list[tuple[str, str]] = []
@@ -53,6 +58,8 @@ class ProcessRecorder(logging.Handler):
                 self.writer.close()
             self._about = about
             self.writer = RecordWriter(free_name(self._file), about)
+            if not self._file.with_name(f"{LAUNCHER_PROCESS}.mcap").exists():
+                self._attach(self.writer)
             for level, message in self._waiting:
                 self._write(level, message)
             self._waiting.clear()

@@ -16,15 +16,26 @@ if TYPE_CHECKING:
 
 
 def _declare_join(parser: Parser) -> None:
-    parser.positional("run", "RUN", help="a run folder")
-    parser.option("-o", "--output", metavar="FILE", read=Path, help="the joined file (default: run.mcap in RUN)")
+    help_text = "a run folder, or the files of the processes of a run that was started by hand"
+    parser.positional("paths", "RUN|FILE", read=Path, count="+", usage="RUN|FILE...", help=help_text)
+    output = "the joined file (default: run.mcap in RUN); of FILEs the new run folder, or file"
+    parser.option("-o", "--output", metavar="FILE", read=Path, help=output)
 
 
-def _join(run: Path, output: Path | None) -> int:
+def _join(paths: list[Path], output: Path | None) -> int:
     """Join the files of a run; return the exit code."""
-    from rmr.record.joining import join_run
+    from rmr.entry.command_line import CommandLineError
+    from rmr.record.joining import join_files, join_run
 
-    return _written("join", run, lambda: join_run(run, output))
+    first = paths[0]
+    if len(paths) == 1 and (output is None or not first.is_file()):
+        return _written("join", paths, lambda: join_run(first, output))
+    folders = [path for path in paths if path.is_dir()]
+    if folders:
+        raise CommandLineError(f"{folders[0]} is a folder: give one run folder alone, or files")
+    if output is None:
+        raise CommandLineError("name the new run folder with -o RUN: files that were named are left as they are")
+    return _written("join", paths, lambda: join_files(paths, output))
 
 
 def _declare_recover(parser: Parser) -> None:
@@ -35,17 +46,18 @@ def _recover(path: Path) -> int:
     """Recover a recording; return the exit code."""
     from rmr.record.joining import recover
 
-    return _written("recover", path, lambda: recover(path))
+    return _written("recover", [path], lambda: recover(path))
 
 
-def _written(name: str, path: Path, write: Callable[[], "Joined"]) -> int:
+def _written(name: str, paths: list[Path], write: Callable[[], "Joined"]) -> int:
     """Write a recording and tell what came of it; return the exit code."""
     from rmr.record.joining import NothingToDoError, UnwritableError
     from rmr.record.mcap_scan import RecordingError
 
-    if not path.exists():
-        print(f"rmr record {name}: {path}: No such file or directory", file=sys.stderr)
-        return ExitCode.USAGE
+    for path in paths:
+        if not path.exists():
+            print(f"rmr record {name}: {path}: No such file or directory", file=sys.stderr)
+            return ExitCode.USAGE
     try:
         joined = write()
     except NothingToDoError as nothing:
@@ -120,7 +132,8 @@ _COMMANDS = {
     "join": (
         "Join the files of a run's processes into run.mcap.",
         Command(
-            "Join the files of a run's processes into run.mcap, as rmr up does at its end, and remove them.",
+            "Join the files of a run's processes into run.mcap, as rmr up does at its end, and remove them. FILEs of "
+            "processes that were started by hand, as on several hosts, become the new run -o RUN, and stay.",
             _declare_join,
             _join,
         ),

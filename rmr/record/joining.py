@@ -5,12 +5,13 @@ Messages are read and written one by one, in order of time. The new file takes i
 nothing that was there is changed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from rmr.base.ids import spelled
 from rmr.record.being_written import is_being_written
 from rmr.record.channels import BY_TOPIC
 from rmr.record.mcap_scan import RecordingError
@@ -18,14 +19,18 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import (
     PARTS_FOLDER,
     PROBLEMS_NAME,
+    ROBOTS_PREFIX,
     RUN_FILE,
+    WORLD_PROCESS,
     Recording,
+    RecordingPart,
     merged,
     open_part,
     open_recording,
     part_files,
+    robots_of,
 )
-from rmr.record.run_about import METADATA_NAME
+from rmr.record.run_about import LAUNCHER_PROCESS, METADATA_NAME
 from rmr.record.run_files import REPORT
 
 JOINED: Final = "joined"
@@ -81,6 +86,73 @@ def join_run(folder: Path, target: Path | None = None) -> Joined:
     with suppress(OSError):  # files of another run stay
         (folder / PARTS_FOLDER).rmdir()
     return joined
+
+
+def join_files(files: Sequence[Path], target: Path) -> Joined:
+    """Join the `files` that the processes of one run have written, as on several hosts, into `target`; they stay.
+
+    `target` is the new run folder, or the new file if its name ends in ``.mcap``. Raises RecordingError with one
+    sentence if they are no recordings of the processes of one run, each robot once at any time, with its world;
+    UnwritableError if one is being written, or the new file cannot be.
+    """
+    for file in files:
+        if is_being_written(file):
+            raise UnwritableError(f"{file}: a process is still writing it; end the run first")
+    parts = [open_part(file) for file in files]
+    try:
+        _check_one_run(parts)
+    finally:
+        for part in parts:
+            part.scan.close()
+    file = target if target.suffix == ".mcap" else target / RUN_FILE
+    if file.exists():
+        raise UnwritableError(f"{file} is there already: name another file or folder")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UnwritableError(f"cannot make {error.filename}: {error.strerror}") from None
+    with merged(files, target) as recording:
+        return rewrite(recording, file, None)
+
+
+def _check_one_run(parts: Sequence[RecordingPart]) -> None:
+    """Raise RecordingError unless the files are of the processes of one run, and nothing is in them twice."""
+    for part in parts:
+        process = part.about.process
+        if process not in (WORLD_PROCESS, LAUNCHER_PROCESS) and not process.startswith(ROBOTS_PREFIX):
+            raise RecordingError(f"{part.scan.name}: not of one process of a run ({process}): it is whole by itself")
+    worlds = [part for part in parts if part.about.process == WORLD_PROCESS]
+    if not worlds:
+        raise RecordingError(
+            "none of the files is of the world: name what rmr-world --record has written, too; it has floor, lab and "
+            "true poses"
+        )
+    for part in parts:
+        if not part.about.same_run(worlds[0].about):
+            raise RecordingError(
+                f"{part.scan.name} is of another run than {worlds[0].scan.name}: {_run(part)}, not {_run(worlds[0])}"
+            )
+    told: dict[str, list[RecordingPart]] = {}
+    for part in parts:
+        names = [f"robot {robot}" for robot in robots_of(part)] or [f"the {part.about.process}"]
+        for name in names:
+            for other in told.setdefault(name, []):
+                if _overlap(part, other):
+                    raise RecordingError(
+                        f"{other.scan.name} and {part.scan.name} are both of {name}, at the same time: leave one out"
+                    )
+            told[name].append(part)
+
+
+def _run(part: RecordingPart) -> str:
+    about = part.about
+    return f"run {about.run or 'unknown'} of lab {about.lab}, seed {about.seed}, robots {spelled(about.roster)}"
+
+
+def _overlap(one: RecordingPart, other: RecordingPart) -> bool:
+    """Whether two files tell of one time: those of a process and of the next one do not, a file and its copy do."""
+    (begin, end), (since, until) = (Recording([part]).span for part in (one, other))
+    return (begin < until and since < end) or (begin, end) == (since, until)
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:

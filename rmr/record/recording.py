@@ -26,7 +26,6 @@ PARTS_FOLDER: Final = "record"
 PROBLEMS_NAME: Final = "problems"
 """The metadata record of a joined file that repeats what was wrong with its parts."""
 WORLD_PROCESS: Final = "world"
-LAUNCHER_PROCESS: Final = "launcher"
 ROBOTS_PREFIX: Final = "robots-"
 
 
@@ -252,12 +251,15 @@ def merged(files: Sequence[Path], folder: Path) -> Recording:
     return Recording([first, *own[1:]], problems)
 
 
+def robots_of(part: RecordingPart) -> list[int]:
+    """Return the robots whose process has written a file."""
+    process = part.about.process
+    return list(listed(process.removeprefix(ROBOTS_PREFIX))) if process.startswith(ROBOTS_PREFIX) else []
+
+
 def missing_parts(parts: Sequence[RecordingPart]) -> list[str]:
     """Return a sentence on the processes of the run that have left no file."""
-    recorded: set[int] = set()
-    for part in parts:
-        if part.about.process.startswith(ROBOTS_PREFIX):
-            recorded.update(listed(part.about.process.removeprefix(ROBOTS_PREFIX)))
+    recorded = {robot for part in parts for robot in robots_of(part)}
     absent = [robot for robot in parts[0].about.roster if robot not in recorded]
     found = []
     if absent:

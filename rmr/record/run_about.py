@@ -15,6 +15,8 @@ from rmr.base.ids import listed, spelled
 FORMAT: Final = "1"
 """Version of the channels and their messages. A reader refuses another one."""
 METADATA_NAME: Final = "rmr"
+LAUNCHER_PROCESS: Final = "launcher"
+"""The process that starts the others of a run, and the name of its file beside theirs."""
 
 
 CHECKSUM: Final = "checksum"

@@ -8,6 +8,7 @@ import asyncio
 import logging
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from rmr.bus import refusals, wire
@@ -29,6 +30,7 @@ from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
 from rmr.bus.session import Bus, open_bus, open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
+from rmr.record.run_files import attach_lab
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab
 from rmr_world.lab_file import lab_path, load_lab
@@ -139,7 +141,8 @@ async def _live(
     )
     if options.open:
         log.warning("open: whoever reaches %s, on any machine, can drive the robots and end the run", options.listen)
-    recorder = None if options.record is None else ProcessRecorder(options.record, "world")
+    attach = partial(attach_lab, floor=lab.arena, lab=lab.path, program=options.program or lab.program)
+    recorder = None if options.record is None else ProcessRecorder(options.record, "world", attach)
     tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
     try:
         if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
