@@ -7,9 +7,8 @@ from rmr.base.arena import Arena, FloorPassage, found_passage
 from rmr.base.geometry import Point, distance
 from rmr.node.motion.route import ROOM_M, way_through_m
 from rmr_world.narrow_places import narrow_places
+from rmr_world.units import PASSAGES_MAX
 
-PASSAGES_MAX: Final = 24
-"""Passages of one lab."""
 LONGER: Final = 1.2
 """A way from end to end that is longer than the centre line times this leads elsewhere."""
 

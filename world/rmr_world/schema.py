@@ -432,8 +432,11 @@ class LabFile(_Strict):
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
     bottleneck: PassageValue | None = None
-    passages: dict[Annotated[str, Field(pattern=NAME)], PassageValue] = Field(
-        {}, max_length=PASSAGES_MAX, description="Passages in which whoever drives through takes turns, by name."
+    passages: (
+        Annotated[dict[Annotated[str, Field(pattern=NAME)], PassageValue], Field(max_length=PASSAGES_MAX)] | None
+    ) = Field(
+        None,
+        description="Passages in which whoever drives through takes turns, by name; by default those of the floor.",
     )
     stations: Annotated[dict[str, StationSpec], BeforeValidator(stations_value), WithJsonSchema(STATIONS_SCHEMA)] = {}
     robots: Annotated[list[RobotSpec], Field(min_length=1)]

@@ -136,7 +136,7 @@ class LabDraft:
     def _passages_found(self) -> Arena:
         """Return the arena with the passages of its floor, where the file names none."""
         arena = self.arena
-        named = self.spec.bottleneck is not None or "passages" in self.spec.model_fields_set
+        named = self.spec.bottleneck is not None or self.spec.passages is not None
         if named or arena.stations or not self.robot_fits_arena:
             return arena
         starts = [Point(start.pose.x, start.pose.y) for _, start in self.robots]
@@ -150,7 +150,7 @@ class LabDraft:
         found: dict[FilePath, tuple[str, list[str]]] = {}
         if spec.bottleneck is not None:
             found["bottleneck",] = BOTTLENECK, spec.bottleneck.mouths
-        return found | {("passages", name): (name, each.mouths) for name, each in spec.passages.items()}
+        return found | {("passages", name): (name, each.mouths) for name, each in (spec.passages or {}).items()}
 
     def _passages(self) -> tuple[FloorPassage, ...]:
         """Return the passages whose entrances are areas of the file."""
