@@ -36,7 +36,10 @@ WALLS = "[{box: [1.4, 0.0, 2.6, 0.55]}, {box: [1.4, 0.85, 2.6, 1.4]}]"
 
 
 def ran(tmp_path, *, obstacles="[]", at="0.5, 0.7", robots="", wants="wants(@2, a)", program=PROGRAM):
-    """Run a lab in which robot 1 stands `at` a place for good; return the report and the failures by robot."""
+    """Run a lab in which robot 1 stands `at` a place for good; return the report and the failures by robot.
+
+    Without turns in its passages: for them a robot waits before it drives.
+    """
     (tmp_path / "kept.rmr").write_text(program)
     (tmp_path / "lab.yaml").write_text(
         f"""
@@ -46,6 +49,7 @@ duration: 100s
 finish: ends(R)
 arena: {{size: [4.0, 1.4]}}
 obstacles: {obstacles}
+passages: {{}}
 areas: {{a: {{at: [0.5, 0.7]}}}}
 robots: [{{id: 1, pose: [{at}, 0deg]}}, {{id: 2, pose: [3.5, 0.7, 180deg]}}{robots}]
 facts: ["{wants}"]
