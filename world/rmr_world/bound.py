@@ -111,8 +111,9 @@ def free_times(lab: Lab) -> FreeTimes:
     flow = FreeFlow(lab.arena)
     goals = destinations(lab)
     speed = arena.shape.speed
-    # With several passages robots need not all pass the same one: their trips alone are the bound.
-    necks = [approachable(area) for area in arena.passages[0].entrances] if len(arena.passages) == 1 else []
+    # Robots need not all pass the same one of several passages, nor one that was found: trips alone are the bound.
+    narrow = arena.passages[0] if len(arena.passages) == 1 and not arena.passages[0].found else None
+    necks = [approachable(area) for area in narrow.entrances] if narrow is not None else []
     across = min(flow.lengths(necks[0][0], necks[1])) if len(necks) == 2 else 0.0
     kinds = [(goals.get(start.id), start) for start in lab.robots]
     order = {area: index for index, area in enumerate(dict.fromkeys(area for area, _ in kinds))}

@@ -6,6 +6,7 @@ import pytest
 from world_labs import lab_of
 
 from rmr.base.arena import Arena, from_data, to_data
+from rmr_world.bound import bound_s
 
 FLOOR = """\
 lab: rooms
@@ -67,3 +68,15 @@ def test_passages_without_room_to_wait_between_them_are_left_out(tmp_path):
 def test_robots_are_told_of_it_with_the_floor(tmp_path):
     arena = arena_of(tmp_path)
     assert from_data(to_data(arena)) == arena
+
+
+def test_the_bound_of_a_run_does_not_take_a_passage_that_was_found_for_the_only_way(tmp_path):
+    """Around the door there is a way 45 cm wide, and two robots may take one each."""
+    floor = FLOOR.replace("[1.2, 0.9, 1.8, 1.5]", "[1.2, 0.9, 1.8, 1.05]").replace(
+        "lab: rooms\n", "lab: rooms\nfinish: at(R, east)\n"
+    )
+    robots = "  - {id: 2, pose: [0.5, 0.4, 0deg]}\nareas: {east: {slots: [[3.0, 0.75], [3.0, 0.4]]}}\n"
+    lab = lab_of(tmp_path, floor + robots)
+    assert names(lab.arena) == ["passage_1"]
+    without = lab_of(tmp_path, floor + robots + "passages: {}\n")
+    assert bound_s(lab) == bound_s(without)
