@@ -101,6 +101,15 @@ def test_a_bottleneck_that_cuts_a_turn_short_is_warned_of(tmp_path):
     assert findings(tmp_path, HEAD + DOCK, away) == []
 
 
+def test_a_passage_that_was_found_and_cuts_a_turn_short_is_warned_of(tmp_path):
+    away = "program: rooms.rmr", "program: rooms.rmr\nactions: actions.py"
+    unnamed = "  west: {at: [1.0, 0.75]}\n  east: {at: [1.3, 0.75]}\n", ""
+    ((path, message),) = findings(tmp_path, HEAD + DOCK, away, unnamed)
+    assert path == "arena"
+    assert "a passage of 'passage_1' and ends behind it" in message
+    assert "write passages: {} for none, or make charge an event of its own" in message
+
+
 def test_drives_are_found_on_the_passages_that_they_lead_through(tmp_path):
     findings(tmp_path, BY_ALL, SECOND_WALL, NAMED)
     lab = load_lab(tmp_path)

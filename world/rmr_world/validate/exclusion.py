@@ -42,10 +42,12 @@ def turn_cut_to_bottleneck(lab: Lab, program: Program) -> Iterator[Finding]:
         drive = next((each for each in first_drives(lab, program) if _cut_short(lab, program, each, assertion)), None)
         if drive is not None:
             actions = " and ".join(further)
+            found = named[0].found
+            remedy = "write passages: {} for none" if found else "name no area here that such a drive passes"
             message = (
                 f"a turn of {_told(drive.event)} is a passage of {_named(drive)} and ends behind it, since the drive "
                 f"of robot {drive.robot} to '{drive.goal.name}' passes it: {actions}, which waits for the turn too, "
-                f"excludes nobody; name no area here that such a drive passes, or make {actions} an event of its own"
+                f"excludes nobody; {remedy}, or make {actions} an event of its own"
             )
             yield lab.warning(named[0].path, message)
 
