@@ -313,8 +313,9 @@ def _station_lines(station: ExplainedStation) -> Iterator[str]:
 
 
 _NAMING = (
-    "  Areas at the ends of a passage, named under bottleneck.mouths, make it the passage of the turns: robots of one",
-    "  direction then follow one another, and a turn is over behind it.",
+    "  No turns of their own have passages in which a robot starts or has its goal, and those without room to wait before",
+    "  them; with `passages: {}` none has. Areas at the ends, named under passages, give one turns for whoever drives",
+    "  through; named under bottleneck.mouths, they make it the passage of the turns of events.",
 )
 
 
