@@ -123,7 +123,9 @@ class RobotServices:
         self.action_log.begin(self.now, text)
         self.trace(self.now, "action", action=text)
         if self._robot_state.provenance is not None:
-            self._robot_state.provenance.action(self.now, running.serial, "begun")
+            crossing = self.crossings.crossing(running)  # it may have asked at a passage only after it was held
+            words = None if crossing is None else crossing.told
+            self._robot_state.provenance.action(self.now, running.serial, "begun", words)
         return NodeHandle(self, running)
 
     def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:

@@ -248,6 +248,7 @@ class MindIndex:
             action.group = record.words or ""
         elif record.stage == "begun":
             action.begun = record.at
+            action.group = action.group and (record.words or action.group)
         else:
             action.ended = record.at
             action.failure = record.words

@@ -1,6 +1,7 @@
 """`rmr why` on a recorded run: forms of the answer, and what it says to wrong questions."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -181,3 +182,10 @@ def test_every_option_of_rmr_why_is_documented():
         "--version",
     }
     assert [name for name in sorted(offered) if f"`{name}" not in pages] == []
+
+
+def test_the_turn_of_a_passage_has_its_name(tmp_path):
+    simulate(["warehouse", "--run", str(tmp_path / "run")])
+    turns = set(re.findall(r"waited for its turn of ([^,]+)", why(tmp_path / "run", "delivered(@1)").stdout))
+    assert turns
+    assert turns <= {"north", "south"}, turns

@@ -313,9 +313,9 @@ def _station_lines(station: ExplainedStation) -> Iterator[str]:
 
 
 _NAMING = (
-    "  No turns of their own have passages in which a robot starts or has its goal, and those without room to wait before",
-    "  them; with `passages: {}` none has. Areas at the ends, named under passages, give one turns for whoever drives",
-    "  through; named under bottleneck.mouths, they make it the passage of the turns of events.",
+    "  Passages in which a robot starts or has its goal have no turns of their own, nor those without room to wait",
+    "  before them; with `passages: {}` none has. Areas at the ends, named under passages, give one turns for all that",
+    "  drive through; named under bottleneck.mouths, they make it the passage of the turns of events.",
 )
 
 

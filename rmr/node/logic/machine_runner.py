@@ -192,7 +192,7 @@ class MachineRunner:
         if self._state.provenance is not None and running.held(now):
             crossing = self._crossings.crossing(running)
             assert crossing is not None
-            self._state.provenance.action(now, event.serial, "held", crossing.job.event)
+            self._state.provenance.action(now, event.serial, "held", crossing.told)
         self._actions.derive(now, running)
 
     def _cancelled(self, now: Instant, event: ActionCancelled) -> None:
