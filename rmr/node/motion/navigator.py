@@ -481,8 +481,10 @@ class Navigator:
             return False
         start = Point(self._pose.x, self._pose.y)
         to = leader_route(self.arena, start, place, (), through_gate=order.through_gate, behind=order.behind)
-        inside = route.gate_m is not None and not gate.cleared
-        return to is not None and to.gate_m is not None and not (inside and to.way == route.way)
+        passage = None if to is None else self.arena.passage(to.passage)
+        if to is None or passage is None or not passage.two_ended:
+            return False  # of a passage with one entrance it is not known on which side of it a place lies
+        return route.gate_m is None or gate.cleared or to.way != route.way
 
     @property
     def aside(self) -> bool:
