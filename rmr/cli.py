@@ -6,13 +6,7 @@ from rmr.entry import run
 
 
 def _rmr() -> int:
-    from rmr.commands.fleet_verbs import FLEET  # noqa: PLC0415 - see rmr.entry
-
-    if sys.argv[1:2] and sys.argv[1] in FLEET:  # at once: a verb should answer in 150 ms of processor time
-        from rmr.commands.common import become_program  # noqa: PLC0415
-
-        become_program("fleet", sys.argv[1:])
-    from rmr.commands.subcommands import command  # noqa: PLC0415
+    from rmr.commands.subcommands import command  # noqa: PLC0415 - see rmr.entry
 
     return command.main(name="rmr")
 

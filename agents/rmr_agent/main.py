@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from rmr.entry import Loading, run
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from rmr.entry.command_line import Command, Parser
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """Run the command; ends the process."""
-    code = run("rmr-agent", lambda: command().main(words, "rmr-agent"))
+def main(words: Sequence[str] | None = None, name: str = "rmr-agent") -> NoReturn:
+    """Run the command `name`; ends the process."""
+    code = run(name, lambda: command().main(words, name))
     os._exit(code)  # zenoh's threads and a user's action must not keep the process
 
 

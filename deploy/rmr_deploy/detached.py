@@ -27,10 +27,10 @@ LAST_LINES = 8
 
 
 def start_detached(*, wait: bool, as_json: bool) -> int:
-    """Start the launcher with the words of this process; return the exit code, the launcher's own if it has ended."""
+    """Start this command once more as the launcher; return the exit code, the launcher's own if it has ended."""
     read, write = os.pipe()
     launcher = subprocess.Popen(
-        [sys.executable, "-P", "-m", "rmr_deploy.up", *sys.argv[1:]],
+        [sys.executable, *sys.orig_argv[1:]],
         stdin=subprocess.DEVNULL,
         env=os.environ | {PIPE_VARIABLE: str(write)},
         pass_fds=(write,),

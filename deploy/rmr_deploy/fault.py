@@ -1,11 +1,11 @@
-"""The program `rmr-fault`: the subcommands and options of `rmr fault`; `rmr_deploy.disturb` carries them out.
+"""The subcommands and options of `rmr fault`; `rmr_deploy.disturb` carries them out.
 
 Importing this module loads next to nothing (see `rmr.entry`), and its help not the bus.
 """
 # ruff: noqa: PLC0415
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -257,10 +257,10 @@ def _ask(wish: str, added: "Disturbance | None", **place: Any) -> int:
     return perform(wish, added, **place)
 
 
-def main() -> None:
-    """Run the command; ends the process."""
-    sys.exit(run("rmr fault", lambda: command().main(name="rmr fault")))
+def main(words: Sequence[str] | None = None, name: str = "rmr fault") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

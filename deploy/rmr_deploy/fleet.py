@@ -1,4 +1,4 @@
-"""The program `rmr-fleet`: the verbs that show and steer a lab that runs, `rmr ls`, `rmr ps`, `rmr down` and so on.
+"""The verbs that show and steer a lab that runs, `rmr ls`, `rmr ps`, `rmr down` and so on.
 
 There is no daemon: a verb finds the run by its record (`active_runs`) and asks its launcher (`run_requests`). Importing
 this module loads next to nothing (see `rmr.entry`); a verb imports what carries it out, and only `rmr attach` the bus.
@@ -6,7 +6,7 @@ this module loads next to nothing (see `rmr.entry`); a verb imports what carries
 # ruff: noqa: PLC0415
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -267,10 +267,10 @@ def command() -> "CommandGroup":
     return CommandGroup(ABOUT, {name: entry(name, row) for name, row in VERBS.items()})
 
 
-def main() -> None:
-    """Run the command; ends the process."""
-    sys.exit(run("rmr", lambda: command().main(name="rmr")))
+def main(words: Sequence[str] | None = None, name: str = "rmr") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

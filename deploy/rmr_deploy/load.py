@@ -1,10 +1,11 @@
-"""The program `rmr-load`: the options of `rmr load`; `rmr_deploy.load_run` carries it out.
+"""The options of `rmr load`; `rmr_deploy.load_run` carries it out.
 
 Importing this module loads next to nothing (see `rmr.entry`), and its help not the bus.
 """
 # ruff: noqa: PLC0415
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,10 +57,10 @@ def _load(robot: list[int] | None, robots: list[int] | None, **options: Any) -> 
     return perform(robots=robot or robots, **options)
 
 
-def main() -> None:
-    """Run the command; ends the process."""
-    sys.exit(run("rmr load", lambda: command().main(name="rmr load")))
+def main(words: Sequence[str] | None = None, name: str = "rmr load") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,10 +1,11 @@
-"""The program `rmr-up`: the options of `rmr up LAB`; `rmr_deploy.lab_run` carries it out.
+"""The options of `rmr up LAB`; `rmr_deploy.lab_run` carries it out.
 
 Importing this module loads next to nothing (see `rmr.entry`), and its help neither the bus nor the compiler.
 """
 # ruff: noqa: PLC0415
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,10 +84,10 @@ def command() -> "Command":
     return Command(ABOUT, _declare, _up)
 
 
-def main() -> None:
-    """Run the command; ends the process."""
-    sys.exit(run("rmr up", lambda: command().main(name="rmr up")))
+def main(words: Sequence[str] | None = None, name: str = "rmr up") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

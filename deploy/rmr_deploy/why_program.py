@@ -1,10 +1,11 @@
-"""The program `rmr-why`: the options of `rmr why`; `rmr_deploy.why_run` carries it out.
+"""The options of `rmr why`; `rmr_deploy.why_run` carries it out.
 
 Importing this module loads next to nothing (see `rmr.entry`), and its help neither the compiler nor the replay.
 """
 # ruff: noqa: PLC0415
 
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
@@ -60,10 +61,10 @@ def why_command() -> "Command":
     return Command(ABOUT, _declare, _perform)
 
 
-def main() -> None:
-    """Run `rmr why`; ends the process."""
-    sys.exit(run("rmr why", lambda: why_command().main(name="rmr why")))
+def main(words: Sequence[str] | None = None, name: str = "rmr why") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: why_command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The program `rmr-plot`: its options; `plot_command` does the work."""
+"""The command `rmr plot`: its options; `plot_command` does the work."""
 # ruff: noqa: PLC0415 - see rmr.entry
 
 import sys
@@ -15,9 +15,9 @@ DATA = Path("docs") / "evaluation"
 """Where the data of figures lie by default."""
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return run("rmr plot", lambda: command().main(words, "rmr plot"))
+def main(words: Sequence[str] | None = None, name: str = "rmr plot") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 def command() -> "Command":

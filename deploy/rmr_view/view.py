@@ -1,7 +1,8 @@
-"""The program `rmr-view`: the options of `rmr view [RUN]`; `view_command` carries it out."""
+"""The options of `rmr view [RUN]`; `view_command` carries it out."""
 # ruff: noqa: PLC0415 - see rmr.entry
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,10 +57,10 @@ def _view(**options: Any) -> int:
     return perform(**options)
 
 
-def main() -> None:
-    """Run the command; ends the process."""
-    sys.exit(run("rmr view", lambda: command().main(name="rmr view")))
+def main(words: Sequence[str] | None = None, name: str = "rmr view") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rmr.commands import diagnosed
-from rmr.commands.common import become_program, print_json
+from rmr.commands.common import print_json
 from rmr.entry.command_line import Command, Parser
 
 if TYPE_CHECKING:
@@ -41,7 +41,10 @@ def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None,
         given = {"--json": as_json, "--explain": explain, "--no-code": no_code}
         flags = [flag for flag, is_given in given.items() if is_given]
         options = [*flags, *([] if svg is None else ["--svg", os.fspath(svg)])]
-        become_program("lab", ["check", *options, "--", *map(os.fspath, programs)])
+        from rmr.commands.subcommands import PROGRAMS, OtherPackage
+
+        lab = OtherPackage(PROGRAMS["lab"][0])
+        return lab.main(["check", *options, "--", *map(os.fspath, programs)], "rmr lab")
     from rmr.lang.compiler import compile_file
 
     compilations = [compile_file(path) for path in programs]

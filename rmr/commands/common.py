@@ -1,12 +1,11 @@
-"""Shared functions of the subcommands: JSON on stdout, atomic writes of files, other programs."""
+"""Shared functions of the subcommands: JSON on stdout, and atomic writes of files."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
 import sys
 from pathlib import Path
-from typing import NoReturn
 
-from rmr.entry import ExitCode, turn_into
+from rmr.entry import ExitCode
 
 
 def print_json(value: object) -> None:
@@ -56,20 +55,6 @@ def write(target: Path, octets: bytes, mode: int | None = None) -> int:
         print(f"{target}: error: {reason(error)}", file=sys.stderr)
         return ExitCode.FAILED
     return 0
-
-
-def become_program(name: str, arguments: list[str]) -> NoReturn:
-    """Replace this process by the program `rmr-NAME` beside the interpreter; never returns."""
-    path = Path(sys.executable).with_name(f"rmr-{name}")
-    if not path.is_file():
-        print(f"rmr {name}: {path} is not installed; install the package `rmr` there", file=sys.stderr)
-        sys.exit(ExitCode.FAILED)
-    sys.stdout.flush()
-    try:
-        turn_into(str(path), arguments)
-    except OSError as error:
-        print(f"rmr {name}: cannot run {path}: {error.strerror}", file=sys.stderr)
-    sys.exit(ExitCode.FAILED)
 
 
 def _umask() -> int:

@@ -1,18 +1,16 @@
 """The command `rmr`: the language's own subcommands, and the way to the other packages' commands.
 
-Nothing is imported before it is needed, so that help and wrong usage cost next to nothing: a subcommand of the
-language is the module `rmr.commands.X_command`, imported by its name. A subcommand of another package is a program of
-its own, `rmr-X`, which stands beside the interpreter that runs this; `rmr X` becomes it.
+Nothing is imported before it is needed, so that help and wrong usage cost next to nothing: each subcommand is a module
+that is imported by its name, also those of packages that this one does not depend on.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 
-from rmr.commands.common import become_program
-from rmr.commands.fleet_verbs import FLEET
+from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
 
 COMMANDS: dict[str, str] = {
@@ -28,32 +26,67 @@ COMMANDS: dict[str, str] = {
 }
 """The language's own subcommands, each the `command` of its module, and their summaries."""
 
-PROGRAMS: dict[str, str] = {
-    "up": "Run a lab with one process for each robot.",
-    "fault": "Inject faults into a lab that runs: of the radio, and of robots.",
-    "load": "Give running robots a new program.",
-    "why": "Say why a fact of a run holds, or why it does not.",
-    "sim": "Run a lab deterministically, in virtual time.",
-    "new": "Write a lab of your own that runs at once.",
-    "lab": "Check, draw, list and copy labs; the schema of the lab file.",
-    "view": "Show a run in the browser, while it goes on or afterwards.",
-    "plot": "Draw pictures of a run, or figures of experiments.",
-    "agent": "Run one robot.",
-    "world": "Run the world server of a lab.",
+PROGRAMS: dict[str, tuple[str, str]] = {
+    "up": ("rmr_deploy.up:main", "Run a lab with one process for each robot."),
+    "fault": ("rmr_deploy.fault:main", "Inject faults into a lab that runs: of the radio, and of robots."),
+    "load": ("rmr_deploy.load:main", "Give running robots a new program."),
+    "why": ("rmr_deploy.why_program:main", "Say why a fact of a run holds, or why it does not."),
+    "sim": ("rmr_sim.main:main", "Run a lab deterministically, in virtual time."),
+    "new": ("rmr_lab.main:new_main", "Write a lab of your own that runs at once."),
+    "lab": ("rmr_lab.main:main", "Check, draw, list and copy labs; the schema of the lab file."),
+    "view": ("rmr_view.view:main", "Show a run in the browser, while it goes on or afterwards."),
+    "plot": ("rmr_view.plot:main", "Draw pictures of a run, or figures of experiments."),
+    "agent": ("rmr_agent.main:main", "Run one robot."),
+    "world": ("rmr_world.main:main", "Run the world server of a lab."),
 }
-"""The subcommands that are programs of their own, and their summaries."""
+"""The subcommands of other packages, each the function that carries it out and its summary."""
+
+FLEET: dict[str, str] = {
+    "ls": "List the labs that run on this machine.",
+    "ps": "List the processes of a lab that runs, and how its robots are.",
+    "logs": "Show the logs of a run as one, by lab time; also after its end.",
+    "events": "Show what befell the processes of a run.",
+    "stats": "Show processor time and memory of the processes, each second.",
+    "top": "The same as stats.",
+    "facts": "Show the facts that robots hold; also after the run.",
+    "config": "Show the lab of a run, or a lab file, with all defaults.",
+    "kill": "Kill robots, or send them another signal.",
+    "stop": "Stop robots in order; the run goes on without them.",
+    "start": "Start robots again that have ended.",
+    "restart": "Start robots again, with --force also those that run.",
+    "pause": "Hold robots' processes until they are unpaused.",
+    "unpause": "Let paused robots go on.",
+    "attach": "Show table and report of a lab that was started by hand.",
+    "wait": "Wait until a run is over; the exit code is that of rmr up.",
+    "down": "End a run in order, and wait until nothing of it is left.",
+}
+"""The verbs that show and steer a lab that runs, and their summaries."""
+
+FLEET_FUNCTION = "rmr_deploy.fleet:main"
+"""Carries out all of them."""
 
 
 @dataclass(frozen=True, slots=True)
-class ExternalProgram:
-    """A subcommand that becomes the program `rmr-NAME`, which is given the words `first` and then all words."""
+class OtherPackage:
+    """A subcommand of a package that this one does not depend on: `function` is ``module:name``."""
 
-    program: str
-    first: tuple[str, ...] = ()
+    function: str
+    verb: str = ""
+    """The word that the function is given before all others: it carries out several subcommands."""
 
-    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:  # noqa: ARG002 - it knows its name
-        """Become the program; ends the process."""
-        become_program(self.program, [*self.first, *(sys.argv[1:] if words is None else words)])
+    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
+        """Carry out `words` as the command `name`; return the exit code."""
+        module, _, function = self.function.partition(":")
+        words = [*([self.verb] if self.verb else ()), *(sys.argv[1:] if words is None else words)]
+        try:
+            carry_out: Callable[[Sequence[str], str], int] = getattr(import_module(module), function)
+        except ModuleNotFoundError as error:
+            package = module.partition(".")[0]
+            if error.name != package:
+                raise
+            print(f"{name}: {package} is not installed; what is installed here is a part of rmr", file=sys.stderr)
+            return ExitCode.FAILED
+        return carry_out(words, name.removesuffix(f" {self.verb}") if self.verb else name)
 
 
 def _own(name: str) -> Runnable:
@@ -64,6 +97,6 @@ def _own(name: str) -> Runnable:
 command = CommandGroup(
     "One logic program for a whole ensemble of robots, with deadlines that hold.",
     {name: Subcommand(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
-    | {name: Subcommand(summary, partial(ExternalProgram, name)) for name, summary in PROGRAMS.items()}
-    | {name: Subcommand(summary, partial(ExternalProgram, "fleet", (name,))) for name, summary in FLEET.items()},
+    | {name: Subcommand(summary, partial(OtherPackage, function)) for name, (function, summary) in PROGRAMS.items()}
+    | {name: Subcommand(summary, partial(OtherPackage, FLEET_FUNCTION, name)) for name, summary in FLEET.items()},
 )

@@ -15,6 +15,9 @@ from collections.abc import Callable
 from enum import IntEnum
 from types import TracebackType
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nobody multiplies matrices, and each idle thread waits in a loop
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it looks for some in each installed package
+
 
 class ExitCode(IntEnum):
     """The exit codes of all commands."""
@@ -89,15 +92,3 @@ class Loading:
         if self._new:
             gc.freeze()
             gc.enable()
-
-
-def turn_into(path: str, words: list[str]) -> None:
-    """Replace this process by the program at `path`, whose `run` handles a Ctrl-C that comes meanwhile.
-
-    Raises OSError where it cannot be run.
-    """
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        os.execv(path, [path, *words])
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -1,30 +1,28 @@
-"""The programs `rmr-lab` and `rmr-new`; their options are `rmr_lab.commands`."""
+"""The commands `rmr lab` and `rmr new`; their options are `rmr_lab.commands`."""
 
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from rmr.entry import run
-
-if TYPE_CHECKING:
-    from rmr.entry.command_line import Runnable
+from rmr.entry.command_line import Runnable
 
 
-def main() -> None:
-    """Run `rmr lab`; ends the process. `rmr check LAB` becomes it, too."""
-    sys.exit(run("rmr lab", lambda: _command("command", "rmr lab")))
+def main(words: Sequence[str] | None = None, name: str = "rmr lab") -> int:
+    """Run the command `name`; return its exit code. `rmr check LAB` is `rmr lab check LAB`."""
+    return run(name, lambda: _carry_out("command", words, name))
 
 
-def new_main() -> None:
-    """Run `rmr new`; ends the process."""
-    sys.exit(run("rmr new", lambda: _command("new", "rmr new")))
+def new_main(words: Sequence[str] | None = None, name: str = "rmr new") -> int:
+    """Run `rmr new`; return its exit code."""
+    return run(name, lambda: _carry_out("new", words, name))
 
 
-def _command(attribute: str, name: str) -> int:
+def _carry_out(attribute: str, words: Sequence[str] | None, name: str) -> int:
     from rmr_lab import commands  # noqa: PLC0415 - see rmr.entry
 
     command: Runnable = getattr(commands, attribute)
-    return command.main(name=name)
+    return command.main(words, name)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,8 +1,9 @@
-"""The program `rmr-sim`: its options alone, so that help and wrong usage cost little; `sim_command` does the work."""
+"""The command `rmr sim`: its options alone, so that help and wrong usage cost little; `sim_command` does the work."""
 # ruff: noqa: PLC0415 - see rmr.entry; lab, nodes and world load only where something runs
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rmr.entry import Loading, run
@@ -11,9 +12,9 @@ if TYPE_CHECKING:
     from rmr.entry.command_line import Command
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return run("rmr sim", lambda: command().main(words, "rmr sim"))
+def main(words: Sequence[str] | None = None, name: str = "rmr sim") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: command().main(words, name))
 
 
 def command() -> "Command":
@@ -33,19 +34,13 @@ def _simulate(**options: Any) -> int:
     arguments = Namespace(**options)
     check(arguments)
     if arguments.view:
-        become_view()
+        # By its name, for the page imports the simulator.
+        show: Callable[[Namespace], int] = import_module("rmr_view.sim_viewer").perform
+        return show(arguments)
     with Loading("rmr_sim.sim_command"):
         from rmr_sim.sim_command import perform
 
     return perform(arguments)
-
-
-def become_view() -> None:
-    """Replace this process by `rmr_view.sim_view`, which is given the same words: that part imports this one."""
-    from rmr.entry import turn_into
-
-    words = sys.argv[1:]
-    turn_into(sys.executable, ["-P", "-m", "rmr_view.sim_view", *words])
 
 
 if __name__ == "__main__":

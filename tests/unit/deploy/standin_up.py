@@ -25,4 +25,4 @@ if __name__ == "__main__":
     os.environ.setdefault("STANDIN_LAB", "standin")
     launching.world_command = world_command
     launching.agent_command = agent_command
-    main()
+    sys.exit(main())
