@@ -26,7 +26,7 @@ def test_iv_d_2_the_test_bed_is_900_grids_of_5_by_5_cm():
 
 
 def test_iv_d_2_obstacles_are_grids_that_no_path_enters():
-    blocked = blocked_cells(GRID, START, GOAL, (), 0.0)
+    blocked = blocked_cells(GRID, START, GOAL, (), -GRID.arena.shape.radius)
     inside = [GRID.index(0.625 + 0.05 * i, 0.05 * j + 0.025) for i in range(5) for j in range(12)]
     free = [GRID.index(0.3, 0.7), GRID.index(0.75, 0.75)]
     assert not any(blocked[index] for index in free)

@@ -21,6 +21,7 @@ from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.grid_path import STEPS, GridPath
 from rmr.base.motion_scale import scale_of
 from rmr.node.motion.grid import (
+    DOOR_MARGIN_M,
     PATH_MARGIN_M,
     RELAXED_M,
     TIGHT_MARGIN_M,
@@ -32,9 +33,6 @@ from rmr.node.motion.grid import (
     grid_of,
     segment_clearance,
 )
-
-DOOR_MARGIN_M: Final = 0.015
-"""Margin of the second try, which finds ways through doors too narrow for the usual one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +183,7 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
 def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], margin_m: float) -> Plan | None:
     grid = grid_of(arena)
     discs = discs_around(parked, arena.shape.radius, start, goal)
-    blocked = blocked_cells(grid, start, goal, discs, arena.shape.radius + margin_m)
+    blocked = blocked_cells(grid, start, goal, discs, margin_m)
     first = cell_for(grid, blocked, start)
     last = cell_for(grid, blocked, goal)
     if first is None or last is None or any(hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
@@ -194,5 +192,6 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     if cells is None:
         return None
     floor = FreeSpace(arena, discs, start, goal, margin_m)
-    points = floor.pull([start, *(grid.centre(index) for index in cells), goal])
+    place = grid.centre if margin_m > DOOR_MARGIN_M else grid.place
+    points = floor.pull([start, *map(place, cells), goal])
     return Plan(tuple(points), grid_path(grid, cells), expansions)

@@ -5,6 +5,9 @@ than the inflation: the robot's radius and 3 cm, because a path at the radius al
 goals may lie nearer to a wall than that, so around the two the inflation shrinks to the radius and 5 mm.
 Parked robots block a disc of two radii and 3 cm around them; there is no mode that ignores them.
 
+A way through a door that is too narrow for these 3 cm keeps 1.5 cm. There the middle of the door is rarely the centre of
+a cell: a cell that is blocked at its centre is entered at that of its points that is farthest from obstacles.
+
 Blocked cells are a bytearray with a frame of blocked cells around it, so that a search needs no test for the
 edge. What depends on the arena alone is computed once and shared by all robots of a process.
 """
@@ -19,6 +22,8 @@ from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
 PATH_MARGIN_M: Final = 0.03
 """Margin of paths: added to the radius near walls, to two radii near parked robots."""
+DOOR_MARGIN_M: Final = 0.015
+"""Margin of a second try, which finds ways through doors too narrow for the usual one."""
 TIGHT_MARGIN_M: Final = 0.005
 """The same margin near start and goal."""
 SAME_PLACE_M: Final = 0.03
@@ -30,6 +35,10 @@ SNAP_M: Final = 0.12
 USUAL_CELL_M: Final = 0.05
 """The cells for which these lengths are stated. Coarser cells lengthen them, so that each point has a cell nearby."""
 
+DOOR_STEPS: Final = (-0.375, -0.125, 0.125, 0.375)
+"""Where the points of a cell that may stand for it are: in cells from its centre, in both directions."""
+DOOR_STEP_CELLS: Final = 2.5
+"""Distance of two such points of neighbouring cells at most, in cells: 1.75 cells in both directions."""
 BLOCK: Final = 8
 """Edge, in cells, of the blocks whose clearance is measured together."""
 
@@ -40,7 +49,7 @@ Discs = tuple[tuple[float, float, float], ...]
 class OccupancyGrid:
     """The cells of one arena. Index of a cell: (row + 1) * stride + column + 1."""
 
-    __slots__ = ("arena", "cell", "clear", "columns", "relaxed_m", "rows", "snap_m", "stride")
+    __slots__ = ("_doors", "arena", "cell", "clear", "columns", "relaxed_m", "rows", "snap_m", "stride")
 
     def __init__(self, arena: Arena) -> None:
         self.arena = arena
@@ -52,6 +61,7 @@ class OccupancyGrid:
         self.rows = max(1, round(arena.height / arena.cell))
         self.stride = self.columns + 2
         self.clear = [-1.0] * (self.stride * (self.rows + 2))
+        self._doors: dict[int, Point] | None = None
         for row in range(0, self.rows, BLOCK):
             for column in range(0, self.columns, BLOCK):
                 self._measure(row, column)
@@ -65,6 +75,29 @@ class OccupancyGrid:
                 self.clear[self.index_at(c, r)] = self.arena.clearance_of(
                     near, (c + 0.5) * self.cell, (r + 0.5) * self.cell
                 )
+
+    @property
+    def doors(self) -> dict[int, Point]:
+        """The points at which cells are entered that are too near to obstacles for `DOOR_MARGIN_M` at their centre."""
+        if self._doors is None:
+            least = self.arena.shape.radius + DOOR_MARGIN_M
+            reach = math.hypot(0.375, 0.375) * self.cell
+            near = [index for index, clear in enumerate(self.clear) if least - reach <= clear < least]
+            if DOOR_STEP_CELLS * self.cell > 2.0 * least:
+                near = []  # an obstacle could stand between two points that keep off it
+            found = ((index, self._farthest(index)) for index in near)
+            self._doors = {index: point for index, point in found if self.arena.clearance(*point) >= least}
+        return self._doors
+
+    def _farthest(self, index: int) -> Point:
+        """Return the point of a cell that is farthest from obstacles and walls."""
+        x, y = self.centre(index)
+        points = [Point(x + u * self.cell, y + v * self.cell) for u in DOOR_STEPS for v in DOOR_STEPS]
+        return max(points, key=lambda point: self.arena.clearance(*point))
+
+    def place(self, index: int) -> Point:
+        """Return the point of a cell at which a way passes it, metres."""
+        return self.doors.get(index) or self.centre(index)
 
     def index(self, x: float, y: float) -> int:
         """Return the cell that holds (x, y); the nearest one for a point outside."""
@@ -110,8 +143,13 @@ def grid_of(arena: Arena) -> OccupancyGrid:
 
 
 @lru_cache(maxsize=32)
-def _inflated(arena: Arena, inflation_m: float) -> bytes:
-    return bytes(clear < inflation_m for clear in grid_of(arena).clear)
+def _inflated(arena: Arena, margin_m: float) -> bytes:
+    grid = grid_of(arena)
+    blocked = bytearray(clear < arena.shape.radius + margin_m for clear in grid.clear)
+    if margin_m <= DOOR_MARGIN_M:
+        for index in grid.doors:
+            blocked[index] = 0
+    return bytes(blocked)
 
 
 def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Point) -> Discs:
@@ -148,9 +186,9 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
-def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
+def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, margin_m: float) -> bytearray:
     """Return for each cell 1 if a robot's centre must not enter it on the way from `start` to `goal`."""
-    blocked = bytearray(_inflated(grid.arena, inflation_m))
+    blocked = bytearray(_inflated(grid.arena, margin_m))
     tight = grid.arena.shape.radius + TIGHT_MARGIN_M
     for x, y in (start, goal):
         for index in grid.near(x, y, grid.relaxed_m):

@@ -60,7 +60,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     cells = shared.cells()
     if not all(0 <= c < grid.columns and 0 <= r < grid.rows for c, r in cells):
         return None
-    points = [grid.centre(grid.index_at(c, r)) for c, r in cells]
+    points = [grid.place(grid.index_at(c, r)) for c, r in cells]
     nearest = min(range(len(points)), key=lambda i: distance(*points[i], *start))
     points = points[nearest:]
     if len(points) < 2:

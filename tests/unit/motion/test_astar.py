@@ -142,6 +142,14 @@ def test_a_slit_narrower_than_the_robot_is_not_used():
     assert plan(arena, Point(0.2, 0.7), Point(1.3, 0.7)) is None
 
 
+@pytest.mark.parametrize("low", [0.66 + 0.005 * k for k in range(11)])
+def test_a_way_leads_through_a_door_wherever_its_middle_lies_among_the_cells(low):
+    arena = Arena(1.5, 1.5, 0.05, (bench.box(0.5, 0.0, 1.0, low), bench.box(0.5, low + 0.185, 1.0, 1.5)))
+    found = plan(arena, Point(0.2, 0.3), Point(1.3, 0.3))
+    assert found is not None
+    assert min(segment_clearance(arena, a, b) for a, b in pairwise(found.points)) >= 0.085
+
+
 def test_the_clearance_of_a_segment_is_that_of_its_worst_point():
     arena = Arena(1.5, 1.5, 0.05, (bench.box(0.6, 0.0, 0.9, 0.6), Disc(Point(0.3, 1.2), 0.1)))
     rng = Random("3/segments")
@@ -154,7 +162,7 @@ def test_the_clearance_of_a_segment_is_that_of_its_worst_point():
 def test_cells_near_the_start_are_relaxed_but_never_below_the_radius():
     grid = grid_of(ROOM)
     start, goal = Point(0.08, 0.7), Point(1.3, 0.7)
-    blocked = blocked_cells(grid, start, goal, discs_around((), 0.07, start, goal), 0.10)
+    blocked = blocked_cells(grid, start, goal, discs_around((), 0.07, start, goal), 0.03)
     assert not blocked[grid.index(0.08, 0.7)]
     assert blocked[grid.index(0.08, 1.2)]
     assert blocked[grid.index(0.02, 0.7)]
@@ -173,7 +181,7 @@ def test_from_wherever_a_robot_can_stand_a_way_begins(radius, cell):
         if arena.clearance(*place) < radius + 0.005 + 1.5 * cell:
             continue
         tried += 1
-        assert cell_for(grid, blocked_cells(grid, place, place, (), radius + 0.03), place) is not None
+        assert cell_for(grid, blocked_cells(grid, place, place, (), 0.03), place) is not None
     assert plan(arena, Point(1.0, 1.0), Point(10.0, 1.0)) is not None
 
 

@@ -16,8 +16,8 @@ from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Program
-from rmr.node.motion.astar import DOOR_MARGIN_M, plan
-from rmr.node.motion.grid import TIGHT_MARGIN_M, cell_for, grid_of
+from rmr.node.motion.astar import plan
+from rmr.node.motion.grid import DOOR_MARGIN_M, TIGHT_MARGIN_M, cell_for, grid_of
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
@@ -73,11 +73,12 @@ def _regions(arena: Arena) -> list[int]:
     """Return the region of each cell, from 1; 0 where a robot's centre cannot pass. Flood fill over four neighbours."""
     grid = grid_of(arena)
     least = arena.shape.radius + DOOR_MARGIN_M
-    region = [0] * len(grid.clear)
+    free = [clear >= least or index in grid.doors for index, clear in enumerate(grid.clear)]
+    region = [0] * len(free)
     steps = (1, -1, grid.stride, -grid.stride)
     count = 0
-    for first, clear in enumerate(grid.clear):
-        if clear < least or region[first]:
+    for first, is_free in enumerate(free):
+        if not is_free or region[first]:
             continue
         count += 1
         region[first] = count
@@ -86,7 +87,7 @@ def _regions(arena: Arena) -> list[int]:
             cell = edge.pop()
             for step in steps:
                 other = cell + step
-                if not region[other] and grid.clear[other] >= least:
+                if not region[other] and free[other]:
                     region[other] = count
                     edge.append(other)
     return region
