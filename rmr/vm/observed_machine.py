@@ -21,6 +21,7 @@ from rmr.vm.provenance import (
     ActionRecord,
     Cause,
     ChainOrigin,
+    DeliveredCause,
     EffectCause,
     FiringCause,
     FiringRecord,
@@ -29,6 +30,7 @@ from rmr.vm.provenance import (
     InsertionRecord,
     JobRecord,
     MissedCause,
+    OutsideCause,
     ProvenanceLog,
     RemovalRecord,
     Rival,
@@ -93,8 +95,9 @@ class ObservedMachine(Interpreted):
 
     def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
         """End an action; return False if it is not under way."""
-        self._log.cause()
-        self._because = EffectCause(serial, ok)
+        news = self._log.cause()
+        assert isinstance(news, DeliveredCause | OutsideCause)
+        self._because = EffectCause(serial, ok, news)
         return super().complete(now, serial, ok, executor)
 
     def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
@@ -118,7 +121,7 @@ class ObservedMachine(Interpreted):
     def _follow(self, now: Instant, chain: Chain) -> None:
         because = self._because
         if isinstance(because, EffectCause):
-            self._because = StepCause(because.action)
+            self._because = StepCause(because.action, because.news)
         super()._follow(now, chain)
         if isinstance(because, FiringCause):
             self._because = because._replace(chain=because.chain + 1)

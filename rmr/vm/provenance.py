@@ -42,29 +42,18 @@ class FiringCause(NamedTuple):
     """Place among the chains that the firing derived."""
 
 
-class EffectCause(NamedTuple):
-    """An effect of an action that has ended."""
-
-    action: int
-    ok: bool
-
-
-class StepCause(NamedTuple):
-    """A step that follows the end of an action (``a(R) then b(R)``)."""
-
-    action: int
-
-
-class HandlerCause(NamedTuple):
-    """The Python handler of an action has inserted or withdrawn the fact."""
-
-    action: int
-
-
 class DeliveredCause(NamedTuple):
     """Another robot has sent it; source, epoch and sequence number identify the delivery on both robots."""
 
     source: int
+    epoch: int
+    sequence: int
+
+
+class SentKey(NamedTuple):
+    """A delivery of the robot's own, as its frames name it."""
+
+    destination: int
     epoch: int
     sequence: int
 
@@ -75,12 +64,37 @@ class UndeliveredCause(NamedTuple):
     destination: int
     name: str
     """Name of the predicate that was not delivered."""
+    sent: SentKey | None
+    """None: it was refused before it had a number."""
 
 
 class StandsCause(NamedTuple):
     """The robot at home has acknowledged a decision about a rule over several robots."""
 
-    home: int
+    sent: SentKey
+
+
+class EffectCause(NamedTuple):
+    """An effect of an action that has ended."""
+
+    action: int
+    ok: bool
+    news: DeliveredCause | OutsideCause = OutsideCause()
+    """Of an action of another robot: how its end became known."""
+
+
+class StepCause(NamedTuple):
+    """A step that follows the end of an action (``a(R) then b(R)``)."""
+
+    action: int
+    news: DeliveredCause | OutsideCause = OutsideCause()
+    """As that of an effect."""
+
+
+class HandlerCause(NamedTuple):
+    """The Python handler of an action has inserted or withdrawn the fact."""
+
+    action: int
 
 
 class MissedCause(NamedTuple):

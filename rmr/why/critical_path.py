@@ -19,9 +19,9 @@ from rmr.bytecode.program import Atom, Mode, Program
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
 from rmr.vm.match import pattern_agrees
-from rmr.why.delay_owner import Interval, TimeOwner
+from rmr.why.delay_owner import OWNER_OF, Interval, TimeOwner
 from rmr.why.interval_parts import absences, cut_at, merged, without
-from rmr.why.pending import newest_arrival, next_supplier, on_their_way
+from rmr.why.pending import failure_broadcast, newest_arrival, next_supplier, on_their_way
 from rmr.why.radio_time import Attempts, radio_time
 from rmr.why.robot_history import (
     ActionSpan,
@@ -48,16 +48,6 @@ LINE_UP = "lineup"
 
 Step = Callable[[], "Step | None"]
 """One step back; returns the next one, or None where the path has no more."""
-
-OWNER_OF: Mapping[Motion, TimeOwner] = {
-    Motion.IDLE: TimeOwner.ACTION,
-    Motion.LOCATES: TimeOwner.LOCALISATION,
-    Motion.DRIVES: TimeOwner.DRIVE,
-    Motion.GATED: TimeOwner.TURN,
-    Motion.STANDS: TimeOwner.STANDING,
-    Motion.UNWATCHED: TimeOwner.LATE_TICK,
-}
-"""Who owns the time of a drive, by what the wheels do."""
 
 
 class PathAction(NamedTuple):
@@ -244,8 +234,8 @@ class CriticalPath:
             key = cause.key
             return lambda: self._settled(robot, key)
         if cause.kind == CauseKind.MISSED:
-            self._cover(self._begin, TimeOwner.RULE, robot, (), f"until a deadline had passed, for {what}")
-            return None
+            start = history.changes[cause.number].at if cause.number >= 0 else self._begin
+            self._cover(start, TimeOwner.RULE, robot, (), f"until a deadline had passed, for {what}")
         if cause.number >= 0:
             return lambda: self._change(robot, history.changes[cause.number])
         return self._outside(robot, what)
@@ -267,14 +257,24 @@ class CriticalPath:
     def _sensed(self, robot: int, change: Change) -> Step | None:
         """From a sensed fact to the drive that brought it about."""
         history = self._histories[robot]
-        if self._program.predicates[change.predicate].name == "turn":
-            self._cover_turn(self._begin, robot, ())
-            return None
+        name = self._program.predicates[change.predicate].name
+        if name == "turn":
+            return self._turn(robot, change)
+        if name == "failed" and (broadcast := failure_broadcast(self._histories, change)) is not None:
+            return lambda: self._action(*broadcast)
         for span in reversed(history.actions):
             started = span.started
             if span.wheels and started is not None and span.order < change.order and started <= change.at <= span.ended:
                 return lambda: self._action(robot, span)
         return self._outside(robot, change.text)
+
+    def _turn(self, robot: int, change: Change) -> Step | None:
+        """From a fact ``turn`` to what started the job that has asked for it."""
+        changes = self._histories[robot].changes
+        asked = [changes[start] for name, start in self._histories[robot].starts if name == change.args[0]]
+        start = next((each for each in reversed(asked) if each.at <= change.at), None)
+        self._cover_turn(self._begin if start is None else start.at, robot, ())
+        return None if start is None else lambda: self._change(robot, start)
 
     def _firing(self, robot: int, firing: TimedFiring) -> Step | None:
         """From a firing to the newest fact that its rule needed."""

@@ -1,9 +1,11 @@
 """Owners of time: what a job has waited for. Each interval of an explained delay has exactly one."""
 
+from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
+from rmr.node.standstill import Motion
 
 
 class TimeOwner(Enum):
@@ -49,6 +51,16 @@ MEANINGS: dict[TimeOwner, str] = {
     TimeOwner.UNKNOWN: "none of these: a defect of the analysis; please report it with the recording",
 }
 """What each owner means; docs/why-late.md shows the table."""
+
+OWNER_OF: Mapping[Motion, TimeOwner] = {
+    Motion.IDLE: TimeOwner.ACTION,
+    Motion.LOCATES: TimeOwner.LOCALISATION,
+    Motion.DRIVES: TimeOwner.DRIVE,
+    Motion.GATED: TimeOwner.TURN,
+    Motion.STANDS: TimeOwner.STANDING,
+    Motion.UNWATCHED: TimeOwner.LATE_TICK,
+}
+"""Who owns the time of a drive, by what the wheels do."""
 
 
 class Interval(NamedTuple):

@@ -23,6 +23,7 @@ from rmr.vm.provenance import (
     MissedCause,
     OutsideCause,
     SensedCause,
+    SentKey,
     StandsCause,
     StepCause,
     UndeliveredCause,
@@ -30,6 +31,7 @@ from rmr.vm.provenance import (
 from rmr.vm.ranks import PENDING, rank_text, reading
 from rmr.why.mind_index import EndedGoal, MindIndex, PastAction, PastFact, PastGoal, PastItem, PastSend
 from rmr.why.past import Past
+from rmr.why.pending import BROADCAST
 from rmr.why.rule_words import conjunct_text, item_text, rule_name, rule_place_of, seconds_text
 from rmr.why.why_tree import RuleFiring, WhyNode
 
@@ -37,8 +39,6 @@ DEPTH: Final = 3
 """Levels below the root that are shown."""
 CHILDREN_MAX: Final = 40
 """Children of a node that are shown: an aggregate may rest on thousands of facts."""
-
-BROADCAST: Final = "broadcast"
 
 SENSES: Final = {
     "at": "sensed by localisation",
@@ -164,11 +164,11 @@ class Explainer:
                 return self._delivered(mind, item, cause)
             case UndeliveredCause():
                 return self._undelivered(mind, item, cause)
-            case StandsCause(home):
-                return self._stands(mind, item, home)
+            case StandsCause(sent):
+                return Because("message", f"@{sent.destination} has acknowledged the decision", _of_sent(mind, sent))
             case MissedCause(job):
                 return self._missed(mind, item, job)
-            case _:
+            case EffectCause() | StepCause() | HandlerCause():
                 return self._of_action(mind, cause)
 
     def _of_action(self, mind: MindIndex, cause: EffectCause | StepCause | HandlerCause) -> Because:
@@ -245,20 +245,14 @@ class Explainer:
 
     def _undelivered(self, mind: MindIndex, item: PastItem, cause: UndeliveredCause) -> Because:
         words = f"a message to @{cause.destination} was given up"
+        if cause.sent is not None:
+            return Because("undelivered", words, _of_sent(mind, cause.sent))
         for send in reversed(mind.sends):
             given_up = send.given_up is not None and send.given_up <= item.at
             name = self._program.predicates[send.predicate].name
             if given_up and send.destination == cause.destination and name == cause.name:
                 return Because("undelivered", words, [Premise(mind, send)])
         return Because("undelivered", words, [])
-
-    def _stands(self, mind: MindIndex, item: PastItem, home: int) -> Because:
-        """Explain the fact that a decision, which was sent to the robot at home, is known there."""
-        assert isinstance(item, PastFact)
-        decided = [each.predicate for each in self._program.ensemble if each.other == item.predicate]
-        about = [each for each in mind.sends if each.predicate in decided and each.args == item.args[1:]]
-        premises = [Premise(mind, each) for each in about if each.destination == home]
-        return Because("message", f"@{home} has acknowledged the decision", premises)
 
     def _missed(self, mind: MindIndex, item: PastItem, serial: int) -> Because:
         known = mind.jobs.get(serial)
@@ -325,6 +319,12 @@ class Explainer:
                 if any(each in backwards.distances(predicate) for each in brought)
             ]
         )
+
+
+def _of_sent(mind: MindIndex, sent: SentKey) -> list[Premise]:
+    """Return the message of the robot's own that was sent under a number, if it was one of the program's."""
+    send = mind.sent(sent.destination, sent.sequence)
+    return [] if send is None else [Premise(mind, send)]
 
 
 def _distance(rank: int) -> str:

@@ -35,11 +35,16 @@ from rmr.vm.provenance import (
     EffectCause,
     FiringCause,
     FiringRecord,
+    GivenCause,
+    GoalRecord,
     HandlerCause,
     InsertionRecord,
+    JobRecord,
     MissedCause,
+    OutsideCause,
     ProvenanceLog,
     ProvenanceRecord,
+    RefusedRecord,
     RemovalRecord,
     SendingRecord,
     SendRecord,
@@ -53,7 +58,6 @@ from rmr.why.robot_history import (
     ActionSpan,
     CauseKind,
     Change,
-    DeliveryKey,
     DeliverySpan,
     EventCause,
     KnownOrder,
@@ -117,9 +121,8 @@ class HistoryListener:
         self._sending = _GIVEN
         self._seen: tuple[int, EventCause] = 0, _GIVEN
         """Identity and cause of the newest report that another robot's finish fact has come."""
-        self._accepted: DeliveryKey | None = None
-        self._settled: dict[int, DeliveryKey] = {}
-        """The delivery to each robot that was acknowledged or given up last."""
+        self._starts: dict[int, int] = {}
+        """Serial of a job -> index of the change that has started it last."""
         self._ended: int | None = None
         self._groups: dict[str, bytes] = {}
         """What the trace calls a resource -> those that contend for it."""
@@ -284,6 +287,10 @@ class HistoryListener:
                     changes.append(gone._replace(at=at, order=self._order, came=False, cause=self._cause(cause)))
             case ActionRecord() | ActionStage():
                 self._take_action(record, node)
+            case GoalRecord() | RefusedRecord():
+                pass  # a goal that a body reads is a fact as well; what is refused has `self._sending` as its cause
+            case JobRecord(_, job, serial):
+                self._starts[job] = self._facts[serial]
             case SendRecord(event=event, cause=cause):
                 self._sends[event] = self._cause(cause)
             case SendingRecord(event=event):
@@ -321,15 +328,15 @@ class HistoryListener:
             case EffectCause(action=serial) | StepCause(action=serial) | HandlerCause(action=serial):
                 if serial in self._actions:
                     return EventCause(CauseKind.ACTION, self._actions[serial])
-                # Of another robot's action: the report of its end has just arrived.
-                return EventCause(CauseKind.DELIVERY, key=self._accepted)
-            case UndeliveredCause(destination) | StandsCause(destination) if destination in self._settled:
-                return EventCause(CauseKind.SENT, key=self._settled[destination])
+                return _GIVEN if isinstance(cause, HandlerCause) else self._cause(cause.news)
+            case UndeliveredCause(sent=sent) | StandsCause(sent):
+                return self._sending if sent is None else EventCause(CauseKind.SENT, key=(self._robot, *sent))
             case SensedCause():
                 return EventCause(CauseKind.SENSED)
-            case MissedCause():
-                return EventCause(CauseKind.MISSED)
-        return _GIVEN
+            case MissedCause(job):
+                return EventCause(CauseKind.MISSED, self._starts.get(job, -1))
+            case GivenCause() | OutsideCause():
+                return _GIVEN
 
     def _context(self) -> EventCause:
         """Return what has just happened, of which a message of the host's own is a consequence."""
@@ -342,7 +349,8 @@ class HistoryListener:
             case JobStarted() | JobFinished() | JobMissed():
                 self._job(now, event, node)
             case FinishSeen(assertion=assertion, args=args):
-                self._seen = id(event), self._finish_cause(assertion, args)
+                finish = self._program.assertions[assertion].finish.predicate
+                self._seen = id(event), EventCause(CauseKind.GIVEN, self.history.newest_fact(finish, args))
             case DeliveryProgress():
                 self._progress(now, event)
             case Spoken():
@@ -352,6 +360,8 @@ class HistoryListener:
 
     def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:
         jobs = self.history.jobs
+        if isinstance(event, JobStarted) and event.job.serial in self._starts:
+            self.history.starts.append((event.job.name, self._starts[event.job.serial]))
         self._groups[event.job.event] = node.crossings.group_of(event.job)
         known = [index for index, (job, _) in enumerate(jobs) if job is event.job]
         if not known:
@@ -359,32 +369,19 @@ class HistoryListener:
         if isinstance(event, JobFinished):
             jobs[known[-1] if known else -1] = (event.job, now)
 
-    def _finish_cause(self, assertion: int, args: tuple[Any, ...]) -> EventCause:
-        """Return the fact of this robot that ends a job of another one."""
-        wanted = self._program.assertions[assertion].finish.predicate
-        changes = self.history.changes
-        for index in range(len(changes) - 1, -1, -1):
-            if changes[index].came and changes[index].predicate == wanted and changes[index].args == args:
-                return EventCause(CauseKind.GIVEN, index)
-        return _GIVEN
-
     def _progress(self, now: Instant, event: DeliveryProgress) -> None:
-        if event.stage is Stage.ACCEPTED:
-            self._accepted = (event.peer, self._robot, event.epoch, event.sequence)
-            self.history.received.setdefault(self._accepted, (now, self._order))
-            return
-        if event.stage is Stage.RELEASED:
-            # It takes effect now: until then it waited for the delivery of an earlier one.
-            self._accepted = (event.peer, self._robot, event.epoch, event.sequence)
-            self.history.received[self._accepted] = now, self._order
-            return
+        received, sent = self.history.received, self.history.sent
+        arrived = (event.peer, self._robot, event.epoch, event.sequence)
         key = (self._robot, event.peer, event.epoch, event.sequence)
-        if event.stage is Stage.BEGUN:
-            self.history.sent[key] = DeliverySpan(key, now, self._order, self._sending)
-        elif key in self.history.sent and (event.stage in WHY_GIVEN_UP or event.stage is Stage.ACKNOWLEDGED):
-            self._settled[event.peer] = key
-            if event.stage in WHY_GIVEN_UP:
-                self.history.sent[key].given_up = now
+        if event.stage is Stage.ACCEPTED:
+            received.setdefault(arrived, (now, self._order))
+        elif event.stage is Stage.RELEASED:
+            # It takes effect now: until then it waited for the delivery of an earlier one.
+            received[arrived] = now, self._order
+        elif event.stage is Stage.BEGUN:
+            sent[key] = DeliverySpan(key, now, self._order, self._sending)
+        elif key in sent and event.stage in WHY_GIVEN_UP:
+            sent[key].given_up = now
 
     def _spoken(self, now: Instant, event: Spoken) -> None:
         self._handles += 1

@@ -1,9 +1,14 @@
 """What robots wait for from each other: deliveries that have arrived, are on their way, or are still to be sent."""
 
 from collections.abc import Container, Mapping
+from typing import Final
 
 from rmr.base.time import NEVER, Instant
-from rmr.why.robot_history import DeliveryKey, RobotHistory
+from rmr.base.values import Robot
+from rmr.why.robot_history import ActionSpan, Change, DeliveryKey, RobotHistory
+
+BROADCAST: Final = "broadcast"
+"""The action that tells all others of a failure."""
 
 
 def newest_arrival(history: RobotHistory, source: int, at: Instant) -> DeliveryKey | None:
@@ -36,4 +41,15 @@ def next_supplier(histories: Mapping[int, RobotHistory], robot: int, at: Instant
     for _, source in sorted(found):
         if any(span.derived <= at < span.ended for span in histories[source].actions):
             return source
+    return None
+
+
+def failure_broadcast(histories: Mapping[int, RobotHistory], change: Change) -> tuple[int, ActionSpan] | None:
+    """Return the robot that a fact ``failed`` names, and the broadcast by which the fact became known."""
+    source = change.args[0]
+    if not isinstance(source, Robot) or source not in histories:
+        return None
+    for span in reversed(histories[source].actions):
+        if span.name == BROADCAST and span.started is not None and span.started <= change.at:
+            return int(source), span
     return None

@@ -40,7 +40,8 @@ class EventCause(NamedTuple):
 
     kind: str
     number: int = -1
-    """The firing or the action, by its index in the history."""
+    """The firing or the action, by its index in the history; of a missed deadline, or of a finish that is reported, the
+    change that started the job, or ended it."""
     key: DeliveryKey | None = None
 
 
@@ -166,6 +167,8 @@ class RobotHistory:
     received: dict[DeliveryKey, tuple[Instant, int]] = field(default_factory=dict)
     """When each delivery was taken up first, and its place in the order."""
     undelivered: list[LostDelivery] = field(default_factory=list)
+    starts: list[tuple[str, int]] = field(default_factory=list)
+    """The name of each job that has started, and the change that started it."""
     passages: list[PassageSpan] = field(default_factory=list)
     orders: list[KnownOrder] = field(default_factory=list)
 
@@ -193,6 +196,14 @@ class RobotHistory:
             if accept(change):
                 return change
         return None
+
+    def newest_fact(self, predicate: int, args: Args) -> int:
+        """Return the index of the change by which a fact has come last; -1: it never did."""
+        for index in range(len(self.changes) - 1, -1, -1):
+            change = self.changes[index]
+            if change.came and change.predicate == predicate and change.args == args:
+                return index
+        return -1
 
 
 def _at(state: tuple[Instant, MotionState]) -> Instant:

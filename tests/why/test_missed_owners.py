@@ -1,6 +1,7 @@
 """`rmr why RUN --missed` names the owner that acts: the delivery, the drive or the rule, not `outside`."""
 
 import json
+from contextlib import suppress
 
 import pytest
 from command_runner import invoke
@@ -25,12 +26,13 @@ robots: [{id: 1, pose: [0.2, 0.2, 0deg]}, {id: 2, pose: [0.8, 0.2, 0deg]}]
 
 
 def owners(folder, program, lab=""):
-    """Return the owners of the time of the one missed job, the largest first: (owner, words)."""
+    """Return the owners of the time of the missed deadline called job, the largest first: (owner, words)."""
     (folder / "two.rmr").write_text("type action broadcast(robot).\n" + program)
     (folder / "two.yaml").write_text(LAB + lab)
-    simulate([str(folder / "two.yaml"), "--seed", "3", "--run", str(folder / "run")])
+    with suppress(SystemExit):  # of a run that fails, as something could not be sent
+        simulate([str(folder / "two.yaml"), "--seed", "3", "--run", str(folder / "run")])
     answer = invoke(why_command(), [str(folder / "run"), "--missed", "--json"], name="rmr why")
-    [delay] = json.loads(answer.stdout)["delays"]
+    delay = next(each for each in json.loads(answer.stdout)["delays"] if each["name"] == "job")
     return [(each["owner"], each["words"].replace(f"{folder}/", "")) for each in delay["owners"]]
 
 
@@ -78,3 +80,52 @@ def test_the_time_for_a_turn_at_a_passage_is_that_of_the_robots_before(tmp_path)
     turns = [each for delay in delays for each in delay.intervals if each.owner is TimeOwner.TURN]
     behind = sum(each.duration for each in turns if each.whom)
     assert behind > 0.8 * sum(each.duration for each in turns) > seconds(100)
+
+
+WAIT = """type start(robot). type action wait(R: robot, S: float) -o waited(R, S).
+start(@1). job: watch(start(R), done(R), 0.5, broadcast(R)). $start(R), not begun(R) -o !begun(R), wait(R, 2.0).
+type !begun(robot). type never(robot). type early(robot). waited(R, 2.0) -o early(R).
+"""
+CORRIDOR = """bottleneck: entry
+obstacles: [{box: [0.95, 0.0, 1.2, 0.35]}, {box: [0.95, 0.65, 1.2, 1.0]}]
+areas: {entry: {at: [0.85, 0.5]}, exit: {at: [1.35, 0.5]}}
+"""
+
+
+def test_a_refused_message_takes_no_time_and_is_not_the_one_that_was_acknowledged_last(tmp_path):
+    program = """type text(robot, string). type big(robot, list string). type !small(robot).
+type undelivered(robot, robot, symbol). type go(robot). go(@1). go(R) -o small(@2).
+early(R), text(R, S) -o big(@2, [S, S, S]).
+undelivered(R, @2, big) -o done(R).
+big(R, S) -o small(R). text(@1, "%s")."""
+    found = owners(tmp_path, WAIT + program % ("x" * 3000))
+    assert found == [("action", "wait(@1, 2.0)")]
+
+
+def test_a_deadline_on_the_path_owns_the_time_since_its_own_job_began(tmp_path):
+    program = "other: watch(early(R), never(R), 1, wait(R, 0.25)). waited(R, 0.25) -o done(R)."
+    assert owners(tmp_path, WAIT + program) == [
+        ("action", "wait(@1, 2.0)"),
+        ("rule", "until a deadline had passed, for wait(@1, 0.25)"),
+        ("action", "wait(@1, 0.25)"),
+    ]
+
+
+def test_a_failure_that_another_robot_has_broadcast_leads_to_what_that_robot_waited_for(tmp_path):
+    program = """start(@2). other: watch(early(@2), never(@2), 1, broadcast(@2)). failed(R, @2, other) -o done(R)."""
+    found = owners(tmp_path, WAIT + program)
+    assert found[:2] == [
+        ("action", "robot 2: wait(@2, 2.0)"),
+        ("rule", "robot 2: until a deadline had passed, for broadcast(@2)"),
+    ]
+    assert "outside" not in dict(found)
+
+
+def test_the_time_for_a_fact_turn_begins_with_the_job_that_asks_for_it(tmp_path):
+    program = """type action moveto(R: robot, A: area) -o at(R, A). type sensor at(robot, area).
+early(R) -o crossing(R). type crossing(robot). crossing(R) -o moveto(R, exit).
+crossing: assert(crossing(R), at(R, exit), 20, broadcast(R)).
+turn(R, crossing, _), not never(R) -o never(R), done(R)."""
+    found = owners(tmp_path, WAIT + program, CORRIDOR)
+    assert found[0] == ("action", "wait(@1, 2.0)")
+    assert found[1][0] == "turn"

@@ -25,7 +25,7 @@ from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
-from rmr.vm.provenance import DeliveredCause, StandsCause, UndeliveredCause
+from rmr.vm.provenance import DeliveredCause, SentKey, StandsCause, UndeliveredCause
 from rmr.vm.store import Args
 
 UNDELIVERED: Final = "undelivered"
@@ -168,44 +168,48 @@ class Deliveries:
 
     def _outcome(self, now: Instant, news: News) -> None:
         why = WHY_GIVEN_UP.get(STAGES[news.outcome])
+        sent = SentKey(news.destination, news.epoch, news.sequence)
         if why is not None:
-            self._give_up(now, news.destination, news.delivery, why)
+            self._give_up(now, news.destination, news.delivery, why, sent)
         else:
             self._note(now, news.outcome.value, news.destination, news.delivery)
             other = self._decisions.get(news.delivery.index) if self._decisions else None
             if other is not None and news.outcome is Outcome.DELIVERED and news.delivery.role is DeliveryRole.FACT:
-                self._stands(now, news.destination, other, news.delivery.args)
+                self._stands(now, sent, other, news.delivery.args)
 
-    def _stands(self, now: Instant, receiver: int, predicate: int, args: Args) -> None:
-        """Tell the program that the decision which it has sent to `receiver` is known there."""
+    def _stands(self, now: Instant, sent: SentKey, predicate: int, args: Args) -> None:
+        """Tell the program that the decision which it has sent is known to the receiver."""
         if self._state.provenance is not None:
-            self._state.provenance.because(StandsCause(receiver))
-        self._machine.insert(now, predicate, (Robot(receiver), *args))
+            self._state.provenance.because(StandsCause(sent))
+        self._machine.insert(now, predicate, (Robot(sent.destination), *args))
 
-    def _give_up(self, now: Instant, destination: int, delivery: Delivery, why: str) -> None:
-        """Record an undeliverable item, and end the wait for it."""
+    def _give_up(
+        self, now: Instant, destination: int, delivery: Delivery, why: str, sent: SentKey | None = None
+    ) -> None:
+        """Record an undeliverable item, and end the wait for it; without `sent` it was refused."""
         self.undelivered += 1
         name = self._name(delivery)
         text = self._text(delivery, self._robot, destination)
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
         self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
-        if self._state.provenance is not None:
+        if self._state.provenance is not None and sent is None:
             self._state.provenance.refused(now, destination, why)
         if delivery.role in ITEMS:
-            self._tell_program(now, destination, name)
+            self._tell_program(now, UndeliveredCause(destination, name, sent))
         if delivery.role is DeliveryRole.ACTION and delivery.number:
             self._machine.complete(now, delivery.number ^ self._incarnation, ok=False)
 
-    def _tell_program(self, now: Instant, destination: int, name: str) -> None:
+    def _tell_program(self, now: Instant, cause: UndeliveredCause) -> None:
         """Insert the fact that something was not delivered, unless the program does not know it."""
         program = self._program
         index = program.index(UNDELIVERED)
         if index is None or program.predicates[index].kind is Kind.ACTION:
             return
-        args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
+        args: tuple[Value, ...] = Robot(cause.destination), Symbol(cause.name)
+        args = args[: len(program.predicates[index].types)]
         if self._state.provenance is not None:
-            self._state.provenance.because(UndeliveredCause(destination, name))
+            self._state.provenance.because(cause)
         with suppress(ValueError):  # the program means something else by the name
             self._machine.insert(now, index, args)
 

@@ -98,6 +98,8 @@ class News(NamedTuple):
 
     outcome: Outcome
     destination: int
+    epoch: int
+    sequence: int
     delivery: Delivery
 
 
@@ -257,7 +259,7 @@ class Exchange:
             self._say_base(destination)
 
     def _tell(self, outcome: Outcome, outgoing: Outgoing) -> None:
-        self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
+        self.news.append(News(outcome, outgoing.destination, self._epoch, outgoing.sequence, outgoing.delivery))
         self.tell(DeliveryProgress(STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
     def _transmit(self, now: Instant, peer: Recipient, outgoing: Outgoing) -> None:

@@ -64,13 +64,13 @@ def talk(sender: Exchange, receiver: Exchange, now: int) -> list[bytes]:
 
 def test_a_relay_that_dies_before_its_acknowledgement_arrives_does_not_take_the_parcel_again():
     sender, relay = exchange(), exchange()
-    sender.send(0, RECEIVER, FACT, b"parcel")
+    parcel = sender.send(0, RECEIVER, FACT, b"parcel")
     assert give(relay, 0, leaving(sender), SENDER) == [b"parcel"]
     leaving(relay)  # the acknowledgement is lost, the parcel has gone on
     relay = exchange(1, KILLED_AT)
     sender.wake(BACK_AT)
     assert talk(sender, relay, BACK_AT) == []
-    assert sender.news[-1] == News(Outcome.OUTLIVED, RECEIVER, FACT)
+    assert sender.news[-1] == News(Outcome.OUTLIVED, RECEIVER, 0, parcel.sequence, FACT)
     sender.wake(BACK_AT)
     assert sender.idle
 
