@@ -95,6 +95,7 @@ class Driver:
         self.localiser = other.localiser
         self.place = other.place
         self._home = other._home
+        self._chosen = other._chosen
         self._bodies = other._bodies
         self._bumped = other._bumped
         self._twist = other._twist
@@ -106,6 +107,7 @@ class Driver:
         self._known = other._known
         self._located = other._located
         self.navigator.hearing.listens = other.navigator.hearing.listens
+        self.navigator.control.wheels = other.navigator.control.wheels
 
     @property
     def moving(self) -> bool:
@@ -133,9 +135,7 @@ class Driver:
         samples = [sample for sample in self._body.sense() if self.localiser.feed(now, sample)]
         if samples:
             self._bodies = samples[-1].bodies
-            self._bumped = False
-            for sample in samples:
-                self._bumped = self._bumped or sample.bumped
+            self._bumped = any(sample.bumped for sample in samples)
             self._sensed_at = samples[-1].stamp
         pose = self.localiser.pose
         navigator = self.navigator
