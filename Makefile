@@ -4,8 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# A worker that dies ends the run with the tests so far: with another one in its place some runs never end.
-XDIST := --max-worker-restart=0
+# What needs nothing but the sources, then what needs processes, sockets or a clock; of these a failed test runs once more.
+PARTS := RMR_COMPILED= $(BIN)/python tests/run_parts.py
 
 .PHONY: help demo test test-fast test-slow test-all fast wheel lint bench score score-ci paper validate-radio lock clean install
 help: ## list the targets
@@ -39,13 +39,13 @@ wheel: $(STAMP) ## a wheel in dist/; with RMR_COMPILE=1 one with compiled module
 	$(BIN)/python -m hatchling build --target wheel
 
 test: $(STAMP) ## a verdict in about four minutes: all tests but the slow ones
-	RMR_COMPILED= $(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal $(XDIST)
+	$(PARTS) "not slow"
 
 test-fast: $(STAMP) ## the fast tests alone, under a minute, to run while one edits
-	RMR_COMPILED= $(BIN)/python -m pytest -m fast -n auto --dist worksteal $(XDIST)
+	$(PARTS) fast
 
 test-slow: $(STAMP) ## the slow tests alone
-	RMR_COMPILED= $(BIN)/python -m pytest -m slow -n auto --dist worksteal $(XDIST)
+	$(PARTS) slow
 
 test-all: ## every test, the way CI runs it: `make test`, then the slow ones
 	$(MAKE) test

@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 
+import parts
 import pytest
 import tiers
 import vm_hand
@@ -34,14 +35,15 @@ SLOW_WORKERS_PER_CORE = 1.5
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Give each test its tier."""
+    """Give each test its tier and its part."""
     config.pluginmanager.register(tiers)
+    config.pluginmanager.register(parts)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """Return the number of workers of `-n auto` for the slow tier; None: one a core, as pytest-xdist has it."""
-    if config.option.markexpr != "slow" or "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+    """Return the number of workers of `-n auto` for slow real tests; None: one a core, as pytest-xdist has it."""
+    if config.option.markexpr != "(slow) and real" or "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
         return None
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, round(SLOW_WORKERS_PER_CORE * cores))

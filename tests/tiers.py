@@ -6,8 +6,6 @@ A test belongs to exactly one tier: `medium` or `slow` where a marker says so, e
 """
 
 import gc
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,9 +20,6 @@ MEDIUM_FOLDERS = frozenset({"eval", "evaluation", "fuzz", "integration", "paper"
 
 SLOW_FOLDERS = frozenset({"page"})
 """Folders of tests/ whose tests drive a browser."""
-
-FAST_CPU_S = 5.0
-"""Bound on the processor time of a fast test, ten times what a test may take to be left unmarked."""
 
 TIERS_OF = pytest.StashKey[dict[str, list[str]]]()
 """The tiers of each collected test by its node id, those that `-m` leaves out included."""
@@ -68,14 +63,3 @@ def pytest_collection() -> Iterator[object]:
         gc.enable()
         gc.collect()
         gc.freeze()
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Fail a fast test that is not fast, by processor time, which other programs on the machine do not add to."""
-    began = time.process_time()
-    result = yield
-    taken = time.process_time() - began
-    if taken > FAST_CPU_S and _tiers(item) == ["fast"] and sys.gettrace() is None:
-        pytest.fail(f"{taken:.1f} s of processor time, more than the {FAST_CPU_S:g} s of a fast test: mark it medium")
-    return result

@@ -132,9 +132,8 @@ def test_query_gets_a_reply_with_arrival_time_from_every_server():
 
 def test_query_without_server_returns_no_replies_at_once():
     async def scene(_router, one):
-        begun = time.monotonic()
-        assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 5.0) == []
-        assert time.monotonic() - begun < 2.0
+        async with asyncio.timeout(60.0):
+            assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 3600.0) == []
 
     on_a_star(scene, clients=1)
 

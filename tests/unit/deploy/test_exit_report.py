@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -34,10 +33,11 @@ def test_an_exit_report_names_the_process_its_exit_code_and_its_last_output(tmp_
 
 def test_only_the_end_of_a_long_output_is_read(tmp_path):
     output = tmp_path / "robot-1.out"
-    output.write_text("".join(f"line {number}\n" for number in range(200_000)))
-    began = time.perf_counter()
+    with output.open("wb") as file:
+        file.truncate(1 << 36)  # sparse: it takes no room, and nobody reads it whole
+    with output.open("a") as file:
+        file.write("".join(f"line {number}\n" for number in range(200_000)))
     assert last_lines(output) == [f"line {number}" for number in range(200_000 - LAST_LINES, 200_000)]
-    assert time.perf_counter() - began < 0.5
 
 
 def test_octets_that_are_no_text_do_not_hide_the_rest(tmp_path):

@@ -1,8 +1,6 @@
 """The navigator: one robot's drives, its gate, parked robots, stand-offs, and what others ask of it."""
 
 import math
-import time
-import timeit
 
 import bench
 import pytest
@@ -234,17 +232,6 @@ def test_two_robots_face_to_face_pass_each_other():
         b.nav.go(0, b.estimate, Point(0.3, 0.75))
         assert world.run(lambda a=a, b=b: a.nav.status == b.nav.status == "arrived", 30), seed
         assert not world.contacts, seed
-
-
-def test_a_step_costs_microseconds():
-    world, body, nav = alone()
-    nav.go(0, body.estimate, EXIT, through_gate=True)
-    nav.gate(None, True)
-    world.run(lambda: False, 3)
-    view = (SeenBody(0.3, 0.05, 0.1, 0.0),)
-    pose = body.estimate
-    spent = timeit.repeat(lambda: nav.step(world.now, pose, view, False), time.process_time, number=500, repeat=5)
-    assert min(spent) / 500 < 100e-6  # 20 us measured, of the processor's time: a busy machine makes it no longer
 
 
 @pytest.mark.parametrize("gated", [True, False])

@@ -1,7 +1,6 @@
 """The physics: wheels, contacts, gaps, and the same bits for the same commands."""
 
 import math
-import time
 
 import pytest
 from world_labs import LABS, ROOM, lab_of
@@ -230,11 +229,3 @@ def test_one_step_over_many_ticks_is_as_many_single_steps(tmp_path):
     for tick in range(61):
         often.step(tick_start(tick))
     assert once.pose(1) == often.pose(1)
-
-
-def test_six_robots_cost_less_than_a_thousandth_of_a_second_per_tick():
-    lab = load_lab(LABS / "corridor")
-    world = World(lab, 7)
-    began = time.process_time()
-    wander(world, lab.roster, 5)
-    assert (time.process_time() - began) / 300 < 0.001
