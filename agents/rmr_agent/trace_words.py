@@ -23,4 +23,5 @@ def failure_words(entry: Mapping[str, Any]) -> str | None:
             return f"a goal stays open: {entry['rule']} fires again and again for the same facts"
         case "other_program":
             return f"robot {entry['source']} runs another program: neither understands the other"
-    return None
+        case _:
+            return None

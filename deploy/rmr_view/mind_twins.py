@@ -104,6 +104,8 @@ class MindTwin:
                 self.actions.append(started)
             case "action_ended":
                 self._end_action(entry)
+            case _:
+                pass
 
     def _end_action(self, entry: dict[str, Any]) -> None:
         for action in reversed(self.actions):

@@ -280,6 +280,8 @@ class SimulatedSource:
                 if self._writer is not None:
                     self._writer.write("/faults", now, {"fault": {"clear": "all"}})
                 self.history.end_faults(in_seconds(now))
+            case unknown:
+                raise ValueError(f"no run has an order {unknown}")
 
     async def close(self) -> None:
         """Let the run go on without waiting."""

@@ -193,7 +193,8 @@ def _mark(kind: str, x: float, y: float) -> str:
         case "ring":
             rest = element("circle", "faint line", cx=x, cy=y, r=5, stroke_width=3)
             return rest + element("path", "edge line", d=f"M{number(x)} {number(y - 5)}a5 5 0 1 1 -5 5", stroke_width=3)
-    return ""
+        case _:
+            return ""
 
 
 def deadline_path(x: float, y: float) -> str:

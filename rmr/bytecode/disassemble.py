@@ -24,6 +24,8 @@ from rmr.bytecode.program import (
     Comprehension,
     Conjunct,
     Debug,
+    DeriveAction,
+    DeriveFact,
     DeriveGoal,
     Effect,
     Fold,
@@ -162,6 +164,8 @@ class _Text:
                 return f"{self.program.predicates[index].name}: {duty.name.lower()}{behind}"
             case Debug():
                 return "places in the source"
+            case _:  # a predicate, or a value of the table of symbols and constants
+                pass
         if note.table == "predicates":
             return self.predicate(self.program.predicates[number]) + _place(debug.predicates, number)
         return format_value(note.what)  # type: ignore[arg-type]
@@ -273,8 +277,9 @@ class _Text:
                 return f"${head.slot} = {self.code(head.code)}"
             case When():
                 return f"if ${head.slot} {self.head(head.item)}"
-        mark = "?" if isinstance(head, DeriveGoal) else ""
-        return mark + self.term(head.predicate, self.code(head.owner), map(self.code, head.args))
+            case DeriveFact() | DeriveGoal() | DeriveAction():
+                mark = "?" if isinstance(head, DeriveGoal) else ""
+                return mark + self.term(head.predicate, self.code(head.owner), map(self.code, head.args))
 
     def aggregate(self, aggregate: Aggregate) -> str:
         operator = aggregate.operator.name.lower()

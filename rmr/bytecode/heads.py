@@ -7,7 +7,10 @@ from rmr.bytecode.program import (
     Code,
     Comprehension,
     Conjunct,
+    DeriveAction,
     Derived,
+    DeriveFact,
+    DeriveGoal,
     Fold,
     Head,
     HeadValue,
@@ -66,5 +69,5 @@ def _of(head: Head) -> tuple[Derived, ...]:
             return _of(item)
         case HeadValue():
             return ()
-        case _:
+        case DeriveFact() | DeriveGoal() | DeriveAction():
             return (head,)

@@ -28,7 +28,10 @@ from rmr.bytecode.program import (
     Comprehension,
     Constant,
     Debug,
+    DeriveAction,
     Derived,
+    DeriveFact,
+    DeriveGoal,
     Duty,
     Effect,
     HeadValue,
@@ -243,7 +246,7 @@ class _Verifier:
                     yield "fewer than two steps"
                 for item in head.steps:
                     yield from self.checks.derived(item, scope)
-            case _:
+            case DeriveFact() | DeriveGoal() | DeriveAction():
                 yield from self.checks.derived(head, scope)
 
     def inner(self, head: Comprehension | Aggregate, slots: int, outer: Scope, inner: Scope) -> Iterator[str]:

@@ -178,6 +178,8 @@ class LoadCoordinator:
                 target.confirmed = True
             case LoadKind.ABORTED:
                 target.aborted = True
+            case _:  # in another phase, of an earlier instant, or from another coordinator
+                pass
         self.next_wake = now
 
     def wake(self, now: Instant) -> None:

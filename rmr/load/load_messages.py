@@ -115,7 +115,8 @@ class LoadMessage:
                 return _COMMIT.pack(self.digest, self.version) + _ids(self.targets)
             case LoadKind.COMMITTED:
                 return _COMMIT.pack(self.digest, self.version)
-        return _DIGEST.pack(self.digest)
+            case LoadKind.ABORT | LoadKind.ABORTED:
+                return _DIGEST.pack(self.digest)
 
 
 def decode(payload: bytes) -> LoadMessage:

@@ -218,6 +218,8 @@ class ProgramLoader:
                 if pending is not None and pending.fragments.digest == message.digest and not pending.missed:
                     self._pending = None
                 self._say(LoadMessage(LoadKind.ABORTED, message.digest), source)
+            case LoadKind.READY | LoadKind.REFUSED | LoadKind.COMMITTED | LoadKind.ABORTED:
+                pass  # what robots answer is for a coordinator
 
     def _say(self, message: LoadMessage, destination: int | None = None) -> None:
         self.out.append(Out(message, destination))

@@ -134,6 +134,8 @@ class Restoration:
             case "set":
                 thing.clear()
                 thing.update([self._value(item) for item in contents[1]])
+            case unknown:
+                raise GraphMismatchError(f"it holds an object of the unknown kind {unknown!r}")
 
 
 _SHELLS: Final[dict[str, Callable[[Any], Any]]] = {

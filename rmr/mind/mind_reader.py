@@ -184,7 +184,8 @@ class _Cursor:
                 return self._blob().decode("utf-8", "replace")
             case form.DIGEST:
                 return self._unpack(form.DIGEST_WHOLE)[1:]
-        raise ValueError(f"the unknown operation {kind}")
+            case _:
+                raise ValueError(f"the unknown operation {kind}")
 
     def _blob(self) -> bytes:
         _, octets = self._unpack(form.BLOB)

@@ -357,6 +357,8 @@ class HistoryListener:
                 self._spoken(now, event)
             case ScheduleChanged(group_id=group_id, leader=leader, order=order):
                 self.history.orders.append(KnownOrder(now, group_id, leader, order))
+            case _:  # of many others no delay comes
+                pass
 
     def _job(self, now: Instant, event: JobStarted | JobFinished | JobMissed, node: WatchedNode) -> None:
         jobs = self.history.jobs

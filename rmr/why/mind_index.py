@@ -26,6 +26,7 @@ from rmr.vm.provenance import (
     GoalRecord,
     InsertionRecord,
     JobRecord,
+    ProvenanceRecord,
     RefusedRecord,
     RemovalRecord,
     SendingRecord,
@@ -191,7 +192,7 @@ class MindIndex:
     def _number(self) -> int:
         return self.first_number + len(self.items)
 
-    def _take(self, place: int, record: object) -> None:
+    def _take(self, place: int, record: ProvenanceRecord) -> None:
         match record:
             case InsertionRecord(at, serial, predicate, args, cause):
                 fact = PastFact(self._number(), serial, predicate, args, at, cause, place=place)
@@ -293,6 +294,8 @@ class MindIndex:
             case ActionCancelled(serial=serial, served=served):
                 if serial in self.actions:
                     self.actions[serial].cancelled_with = served
+            case _:  # of many others nothing is explained
+                pass
 
     def _delivered(self, at: Instant, stage: Stage, peer: int, epoch: int, sequence: int) -> None:
         if stage in (Stage.ACCEPTED, Stage.RELEASED):

@@ -22,6 +22,8 @@ from rmr.bytecode.program import (
     DeriveFact,
     DeriveGoal,
     Effect,
+    Head,
+    HeadValue,
     Operator,
     Pattern,
     Program,
@@ -97,7 +99,7 @@ def may_be_sent(program: Program, asked: Question) -> bool:
     return any(_slot(source.effect.owner) != SELF_SLOT for source in effect_sources(program, asked))
 
 
-def _items(head: Sequence[object]) -> Iterator[tuple[Derived, tuple[Conjunct, ...]]]:
+def _items(head: Sequence[Head]) -> Iterator[tuple[Derived, tuple[Conjunct, ...]]]:
     """Yield the items of a head, each with the inner body that must match for it."""
     for each in head:
         part = each.item if isinstance(each, When) else each
@@ -113,6 +115,8 @@ def _items(head: Sequence[object]) -> Iterator[tuple[Derived, tuple[Conjunct, ..
                     yield item, ()
             case DeriveFact() | DeriveGoal() | DeriveAction():
                 yield part, ()
+            case HeadValue():
+                pass
 
 
 def _unified(owner: Code, args: Sequence[Code], asked: Question, slots: int) -> list[Value | None] | None:

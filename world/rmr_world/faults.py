@@ -99,7 +99,7 @@ def _start(fault: Fault | Disturbance) -> Instant:
             return at
         case Disturbance(since=since):
             return since
-        case _:
+        case Stall() | Slow() | Outage():
             return fault.start
 
 

@@ -142,6 +142,8 @@ class Lateness:
                 self.committed = True
                 self.reported_approach = approach
                 return ready
+            case Remedy.DEMOTED:
+                pass
         in_a_row = POLICIES[Symptom.SLOT_WASTED].in_a_row
         # An entry of no use is worse than a slot of no use: it demotes at once, and by the longer back-off.
         self.slots_wasted = 1 + (in_a_row if symptom is Symptom.ENTRY_UNUSED else self.slots_wasted)

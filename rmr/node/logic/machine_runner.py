@@ -159,10 +159,14 @@ class MachineRunner:
                 self._state.trace(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
             case GoalWithdrawn(predicate=predicate, args=args):
                 self._state.trace(now, "unwanted", goal=goal_text(self._program, predicate, self._robot, args))
-            case _:
+            case FactInserted() | FactRemoved() | ExpressionFailed() | RuleRepeats() | BoundReached():
                 self._noted(now, event)
+            case ActionDerived() | ActionCancelled():
+                raise AssertionError("actions are derived and cancelled when all else has happened")
 
-    def _noted(self, now: Instant, event: VmEvent) -> None:
+    def _noted(
+        self, now: Instant, event: FactInserted | FactRemoved | ExpressionFailed | RuleRepeats | BoundReached
+    ) -> None:
         """Record events that only the trace needs."""
         match event:
             case FactInserted(predicate=predicate, args=args):

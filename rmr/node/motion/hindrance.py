@@ -74,7 +74,8 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
             return _at(scene.pose, -REVERSE_POLL_M, navigator, rule, others)
         case "shield":
             return _at(scene.pose, 0.0, navigator, rule, others)
-    return Hindrance(rule)
+        case _:  # nobody is behind it
+            return Hindrance(rule)
 
 
 def hindrance_words(why: Hindrance) -> str:
