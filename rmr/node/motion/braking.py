@@ -8,7 +8,8 @@ way that was judged last.
 
 Another turn rate takes time (`TURN_ACCELERATION`): from a left turn to a right one of 2 rad/s a third of a second, in
 which a robot of 1 m/s drives 33 cm. So a new arc begins with a `LeadIn`, along which the curvature changes evenly (a
-clothoid). It is as long as the wheels need at the commanded speed, and the way is the same at any lower one.
+clothoid). It is as long as the wheels need at the speed for which it was judged, and stays so when the shield slows the
+command: at a lower speed the wheels could turn sooner, onto another way.
 
 Up to the speed of the reference robot a command is left as it is: the way to stand is 5 cm, which margins cover.
 """
@@ -32,7 +33,7 @@ class LeadIn(NamedTuple):
 class Wheels:
     """The wheels of one robot."""
 
-    __slots__ = ("_at", "_bend", "_command", "_driven", "_fast", "_lead", "_turn", "_v")
+    __slots__ = ("_at", "_bend", "_command", "_driven", "_fast", "_lead", "_slowed", "_turn", "_v")
 
     def __init__(self, shape: RobotShape) -> None:
         self._turn: Final = shape.turn
@@ -48,6 +49,8 @@ class Wheels:
         """The way to that arc."""
         self._driven = 0.0
         """How much of it was driven at `_at`, metres."""
+        self._slowed: tuple[Twist, LeadIn | None] | None = None
+        """A command that was slowed in this tick, and the way to its arc that was judged."""
 
     def speed(self, now: Instant) -> float:
         """Return how fast the robot drives, m/s."""
@@ -61,6 +64,11 @@ class Wheels:
         bend = self._curvature(self._way(now))
         # At the speed v the turn rate changes by v^2 times the curvature's change a metre.
         return LeadIn(bend, abs(twist.w / twist.v - bend) * twist.v * twist.v / TURN_ACCELERATION)
+
+    def slow(self, twist: Twist, lead: LeadIn | None) -> Twist:
+        """Return `twist`, a command that was judged at a higher speed; its way to its arc stays `lead`."""
+        self._slowed = twist, lead
+        return twist
 
     def braking(self, now: Instant, twist: Twist) -> Twist | None:
         """Return the motion along the arc of `twist` at the present speed of a robot that brakes; None: it does not."""
@@ -80,9 +88,12 @@ class Wheels:
         driven = self._way(now)
         arc = self.braking(now, twist) or twist
         if twist.v > 0.0:
-            self._lead = self.lead(now, arc) or _ON_ARC
+            known = self._slowed
+            lead = known[1] if known is not None and known[0] == twist else self.lead(now, arc)
+            self._lead = lead or _ON_ARC
             self._bend = arc.w / arc.v
             driven = 0.0
+        self._slowed = None
         self._v = v
         self._at = now
         self._driven = driven

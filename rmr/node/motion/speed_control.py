@@ -218,13 +218,16 @@ class SpeedControl:
         now = self.scene.now
         arc = self.wheels.braking(now, twist)
         judged = twist if arc is None else arc
-        share = self._share(judged, self.wheels.lead(now, judged), walls=walls)
+        lead = self.wheels.lead(now, judged)
+        share = self._share(judged, lead, walls=walls)
         if share >= 1.0:
             return twist
         self._switches.count(SHIELD)
         self.law.limited_by = SHIELD
         slower = Twist(share * twist.v, share * twist.w)
-        return STILL if arc is not None or self.wheels.braking(now, slower) is not None else slower
+        if arc is not None or self.wheels.braking(now, slower) is not None:
+            return STILL
+        return self.wheels.slow(slower, lead)
 
     def _share(self, twist: Twist, lead: LeadIn | None, *, walls: bool) -> float:
         """Return the share of `twist`, to whose arc `lead` leads, that the shield permits."""

@@ -116,6 +116,22 @@ def test_a_fast_robot_that_is_to_leave_its_arc_for_one_that_leads_to_a_wall_brak
     assert control.wheels.command(seconds(4), STILL).w == pytest.approx(-1.8)
 
 
+def test_a_command_that_the_shield_slows_leads_on_the_way_that_was_judged():
+    shape = RobotShape(speed=2.0)
+    arena = Arena(10.0, 4.0, 0.05, shape=shape)
+    slowed = 0
+    for step in range(200):
+        control = SpeedControl(arena, 1, RuleSwitches())
+        control.wheels = wheels_at(1.0, -2.0, shape)
+        y = 2.9 + 0.005 * step
+        control.perceive(seconds(4), Pose(5.0, y, math.pi / 2), ())
+        twist = control.slowed(Twist(1.7, 0.0))
+        slowed += 1.0 < twist.v < 1.7
+        if twist.v > 1.0:
+            assert y + max(x for x, _ in driven(control.wheels, twist, until_s=3.0)) + shape.radius < 4.0, y
+    assert slowed
+
+
 @pytest.mark.parametrize("speed", [0.4, 1.0, 2.0])
 @pytest.mark.parametrize(("late", "brake"), [(False, PLANNED_BRAKE), (True, REACTION_BRAKE)])
 def test_a_standing_body_asks_of_a_fast_robot_no_more_than_its_wheels_can(speed, late, brake):
