@@ -90,6 +90,10 @@ class CrossingHost(DrivingHost, Protocol):
         """The action that has the wheels."""
 
     @property
+    def acts(self) -> bool:
+        """Whether an action is under way."""
+
+    @property
     def frame_ends(self) -> Instant:
         """When the next frame of 1/60 s begins."""
 

@@ -213,6 +213,11 @@ class RobotServices:
         return self.actions.driving
 
     @property
+    def acts(self) -> bool:
+        """Whether an action is under way."""
+        return bool(self.actions.running)
+
+    @property
     def frame_ends(self) -> Instant:
         """When the next frame of 1/60 s begins."""
         return self._executive.frame_ends

@@ -387,10 +387,19 @@ class Crossings:
             if not prepared:
                 self._ask(now, crossing)
             if crossing.waits:
-                self._making_room.step(now, crossing, self.inside(now, crossing))
+                self._making_room.step(now, crossing, self.inside(now, crossing), self._wanted_station(crossing))
             wake = crossing.next_wake
             soonest = wake if wake < soonest else soonest
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
+
+    def _wanted_station(self, crossing: Crossing) -> Area | None:
+        """Return the station that the robot has, and that others wait for, beside what it waits for by `crossing`."""
+        for held in self._table:
+            if held.station and held is not crossing and isinstance(held.phase, Inside):
+                schedule = self.schedules.get(held.group_id)
+                if schedule is not None and any(robot != self._robot.config.robot for robot in schedule.order):
+                    return held.goal
+        return None
 
     def _step(self, now: Instant, crossing: Crossing) -> None:
         prepares = isinstance(crossing.phase, Preparing) and not crossing.station

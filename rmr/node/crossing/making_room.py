@@ -3,11 +3,15 @@
 It makes room: it would leave with its own turn, but that may come only when the other one has arrived. So it drives to
 free floor, off the way of the other one, and waits there. Who has no turn to wait for stays: its place is taken, and
 the drive of the other one fails with that reason.
+
+So too a robot that has a station for which others wait, while it waits for another one itself. To hold one and to wait
+for the next is how two robots that change places would wait for ever (Coffman's second condition).
 """
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from rmr.base.arena import Area
 from rmr.base.geometry import Point, distance
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.node.crossing.crossing import Crossing
@@ -40,10 +44,11 @@ class MakingRoom:
         self._seen: dict[int, tuple[Point, Instant]] = {}
         """Where each robot that drives is that has got nowhere since, and since when."""
 
-    def step(self, now: Instant, crossing: Crossing, inside: Sequence[int]) -> None:
+    def step(self, now: Instant, crossing: Crossing, inside: Sequence[int], station: Area | None) -> None:
         """Drive out of the way of a robot that gets nowhere, if this one waits for `crossing`.
 
-        One that is `inside` may want to pass; any other one that drives may want to come here.
+        One that is `inside` may want to pass; any other one that drives may want to come here. Others wait for the
+        `station` in which this robot is; None: it is in none, or nobody does.
         """
         robot = self._robot
         driver = robot.driver
@@ -53,6 +58,11 @@ class MakingRoom:
             return
         self._look_at = now + LOOK_EVERY
         here = Point(pose.x, pose.y)
+        stands = robot.driving is None and driver.navigator.status != "moving"
+        goal = here if crossing.goal is None else crossing.goal.places[0]
+        if station is not None and stands and not robot.acts:
+            self._make_room(now, driver, here, goal)
+            return
         reach = 2.0 * driver.arena.shape.radius + TIGHT_MARGIN_M
         for other, hello in robot.peers.claims(now):
             comes = hello.goal is not None and distance(*hello.goal, *here) < reach
@@ -62,10 +72,9 @@ class MakingRoom:
             trip = Trip(Point(hello.x, hello.y), Point(*hello.goal))
             if not self._gets_nowhere(now, other, trip.start):
                 continue
-            stands = robot.driving is None and driver.navigator.status != "moving"
             way = self._way_barred(now, driver, here, trip) if stands else None
             if way is not None:
-                self._make_room(now, driver, here, here if crossing.goal is None else crossing.goal.places[0], way)
+                self._make_room(now, driver, here, goal, way)
                 return
 
     def _gets_nowhere(self, now: Instant, other: int, place: Point) -> bool:
@@ -90,11 +99,13 @@ class MakingRoom:
             return None
         return leader_route(arena, *trip, others, through_gate=False)
 
-    def _make_room(self, now: Instant, driver: Driver, here: Point, goal: Point, way: Route) -> None:
-        """Drive to free floor off `way`, on this side of the way to the own `goal`."""
+    def _make_room(self, now: Instant, driver: Driver, here: Point, goal: Point, *ways: Route) -> None:
+        """Drive to free floor off `ways` and stations, on this side of the way to the own `goal`."""
         peers = self._robot.peers
         self._tries += 1
         robot = self._robot.config.robot
-        route = retreat_route(driver.arena, here, goal, peers.parked(now), robot, self._tries, (way,))
+        arena = driver.arena
+        stations = [place for name, _ in arena.stations if (area := arena.area(name)) for place in area.places]
+        route = retreat_route(arena, here, goal, peers.parked(now), robot, self._tries, ways, off=stations)
         if route is not None:
             driver.depart(now, route.points[-1], peers, heading=None, gated=False, shared=None)

@@ -93,6 +93,26 @@ def test_robots_that_stand_on_each_other_s_goals_in_a_ring_all_arrive(tmp_path):
     assert all(host.node.finish_at < seconds(30) for host in simulation.robots)
 
 
+@pytest.mark.parametrize("free", ["due(@3, 40)", "free(@3)"])
+def test_robots_that_stand_in_the_stations_of_each_other_in_a_ring_all_arrive(tmp_path, free):
+    (tmp_path / "swap.rmr").write_text(RING)
+    lab = RING_LAB.replace("free(@3)", free) + "stations: [west, east, north]\n"
+    (tmp_path / "lab.yaml").write_text(lab)
+    simulation = load(tmp_path, Options()).simulation(1)
+    assert simulation.run()
+
+
+def test_a_robot_in_a_station_that_nobody_else_wants_waits_there_for_the_next_one(tmp_path):
+    (tmp_path / "swap.rmr").write_text(RING)
+    facts = "facts: ['goes(@1, north)', 'due(@1, 40)', 'goes(@3, west)']"
+    lab = RING_LAB[: RING_LAB.index("facts:")] + f"{facts}\nstations: [west, north]\n"
+    (tmp_path / "lab.yaml").write_text(lab)
+    simulation = load(tmp_path, Options()).simulation(1)
+    assert not simulation.run(), "robot 2 never leaves the north, and robot 3 does not set out"
+    pose = simulation.robots[0].node.driver.localiser.pose
+    assert distance(pose.x, pose.y, 0.4, 0.4) < 0.02
+
+
 def test_a_robot_that_waits_for_no_turn_stays_where_it_is(tmp_path):
     finished, simulation = run(tmp_path, 1.6, "goes(@1, east)", "due(@1, 20)", "goes(@2, west)")
     pose = simulation.robots[1].node.driver.localiser.pose

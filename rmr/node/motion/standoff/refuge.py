@@ -106,8 +106,10 @@ def retreat_route(
     robot: int,
     tries: int,
     paths: Sequence[Route] = (),
+    *,
+    off: Sequence[Point] = (),
 ) -> Route | None:
-    """Return a route from `start` to free floor clear of `others`; None where there is none.
+    """Return a route from `start` to free floor clear of `others`, and of the places `off`; None where there is none.
 
     The direction is drawn from the robot's id and the tries; the more `tries`, the farther. It ends on this side of the
     bottleneck, and on as few as can be of the `paths` that others want to take.
@@ -118,7 +120,7 @@ def retreat_route(
     best: Route | None = None
     least = len(paths) + 1
     for spot, away in _spots_around(start, radius, uniform("walk", robot, tries) * math.tau, tries):
-        if arena.clearance(*spot) < radius + PATH_MARGIN_M or _near(spot, others, radius):
+        if arena.clearance(*spot) < radius + PATH_MARGIN_M or _near(spot, (*others, *off), radius):
             continue
         hindered = sum(path.meets(0.0, ((spot.x, spot.y, 2.0 * radius + PATH_MARGIN_M),)) for path in paths)
         if hindered >= least:
