@@ -21,8 +21,7 @@ import numpy as np
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
-from rmr.node.motion.grid import DOOR_MARGIN_M
-from rmr.node.motion.grid import PATH_MARGIN_M
+from rmr.node.motion.grid import DOOR_MARGIN_M, PATH_MARGIN_M
 from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
 CORE_RADII = 2.0

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
-from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance

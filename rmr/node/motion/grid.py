@@ -5,8 +5,8 @@ than the inflation: the robot's radius and 3 cm, because a path at the radius al
 goals may lie nearer to a wall than that, so around the two the inflation shrinks to the radius and 5 mm.
 Parked robots block a disc of two radii and 3 cm around them; there is no mode that ignores them.
 
-A way through a door that is too narrow for these 3 cm keeps 1.5 cm. There the middle of the door is rarely the centre of
-a cell: a cell that is blocked at its centre is entered at that of its points that is farthest from obstacles.
+A way through a door that is too narrow for these 3 cm keeps 1.5 cm. There the middle of the door is rarely the centre
+of a cell: a cell that is blocked at its centre is entered at that of its points that is farthest from obstacles.
 
 Blocked cells are a bytearray with a frame of blocked cells around it, so that a search needs no test for the
 edge. What depends on the arena alone is computed once and shared by all robots of a process.
