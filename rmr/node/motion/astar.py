@@ -30,6 +30,7 @@ from rmr.node.motion.grid import (
     cell_for,
     discs_around,
     grid_of,
+    regions,
     segment_clearance,
 )
 
@@ -176,13 +177,24 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
         found = _plan(arena, start, goal, parked, margin)
         if found is not None:
             return found
-    return None
+    return _plan(arena, start, goal, parked, DOOR_MARGIN_M, doors=True) if _apart(arena, start, goal) else None
 
 
-def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], margin_m: float) -> Plan | None:
+def _apart(arena: Arena, start: Point, goal: Point) -> bool:
+    """Return whether doors off the centres of cells are all that may join the floor around `start` and `goal`."""
+    grid = grid_of(arena)
+    without, joined = (
+        [regions(arena, doors=doors)[grid.index(*point)] for point in (start, goal)] for doors in (False, True)
+    )
+    return 0 in joined or (joined[0] == joined[1] and without[0] != without[1])
+
+
+def _plan(
+    arena: Arena, start: Point, goal: Point, parked: Sequence[Point], margin_m: float, *, doors: bool = False
+) -> Plan | None:
     grid = grid_of(arena)
     discs = discs_around(parked, arena.shape.radius, start, goal)
-    blocked = blocked_cells(grid, start, goal, discs, margin_m)
+    blocked = blocked_cells(grid, start, goal, discs, margin_m, doors=doors)
     first = cell_for(grid, blocked, start)
     last = cell_for(grid, blocked, goal)
     if first is None or last is None or any(hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
@@ -191,6 +203,6 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     if cells is None:
         return None
     floor = FreeSpace(arena, discs, start, goal, margin_m)
-    place = grid.centre if margin_m > DOOR_MARGIN_M else grid.place
+    place = grid.place if doors else grid.centre
     points = floor.pull([start, *map(place, cells), goal])
     return Plan(tuple(points), grid_path(grid, cells), expansions)

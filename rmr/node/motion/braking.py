@@ -8,8 +8,8 @@ way that was judged last.
 
 Another turn rate takes time (`TURN_ACCELERATION`): from a left turn to a right one of 2 rad/s a third of a second, in
 which a robot of 1 m/s drives 33 cm. So a new arc begins with a `LeadIn`, along which the curvature changes evenly (a
-clothoid). It is as long as the wheels need at the speed for which it was judged, and stays so when the shield slows the
-command: at a lower speed the wheels could turn sooner, onto another way.
+clothoid). It is as long as the wheels need at the commanded speed. A command that the shield slows would have a shorter
+one, which leads elsewhere: it keeps the one that was judged, unless the shorter one is clear as well.
 
 Up to the speed of the reference robot a command is left as it is: the way to stand is 5 cm, which margins cover.
 """

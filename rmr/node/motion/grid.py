@@ -6,7 +6,8 @@ goals may lie nearer to a wall than that, so around the two the inflation shrink
 Parked robots block a disc of two radii and 3 cm around them; there is no mode that ignores them.
 
 A way through a door that is too narrow for these 3 cm keeps 1.5 cm. There the middle of the door is rarely the centre
-of a cell: a cell that is blocked at its centre is entered at that of its points that is farthest from obstacles.
+of a cell: where nothing else joins two regions of the floor, a cell that is blocked at its centre is entered at that of
+its points that is farthest from obstacles.
 
 Blocked cells are a bytearray with a frame of blocked cells around it, so that a search needs no test for the
 edge. What depends on the arena alone is computed once and shared by all robots of a process.
@@ -143,13 +144,39 @@ def grid_of(arena: Arena) -> OccupancyGrid:
 
 
 @lru_cache(maxsize=32)
-def _inflated(arena: Arena, margin_m: float) -> bytes:
+def _inflated(arena: Arena, margin_m: float, doors: bool) -> bytes:
     grid = grid_of(arena)
     blocked = bytearray(clear < arena.shape.radius + margin_m for clear in grid.clear)
-    if margin_m <= DOOR_MARGIN_M:
-        for index in grid.doors:
-            blocked[index] = 0
+    for index in grid.doors if doors else ():
+        blocked[index] = 0
     return bytes(blocked)
+
+
+@lru_cache(maxsize=8)
+def regions(arena: Arena, *, doors: bool) -> list[int]:
+    """Return the region of each cell, from 1; 0: a robot's centre cannot pass there, with the margin of doors.
+
+    With `doors` those that are joined by doors off the centres of cells are one. A flood fill over four neighbours.
+    """
+    grid = grid_of(arena)
+    blocked = _inflated(arena, DOOR_MARGIN_M, doors)
+    region = [0] * len(blocked)
+    steps = (1, -1, grid.stride, -grid.stride)
+    count = 0
+    for first, barred in enumerate(blocked):
+        if barred or region[first]:
+            continue
+        count += 1
+        region[first] = count
+        edge = [first]
+        while edge:
+            cell = edge.pop()
+            for step in steps:
+                other = cell + step
+                if not region[other] and not blocked[other]:
+                    region[other] = count
+                    edge.append(other)
+    return region
 
 
 def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Point) -> Discs:
@@ -186,9 +213,11 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
-def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, margin_m: float) -> bytearray:
+def blocked_cells(
+    grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, margin_m: float, *, doors: bool = False
+) -> bytearray:
     """Return for each cell 1 if a robot's centre must not enter it on the way from `start` to `goal`."""
-    blocked = bytearray(_inflated(grid.arena, margin_m))
+    blocked = bytearray(_inflated(grid.arena, margin_m, doors))
     tight = grid.arena.shape.radius + TIGHT_MARGIN_M
     for x, y in (start, goal):
         for index in grid.near(x, y, grid.relaxed_m):

@@ -227,6 +227,8 @@ class SpeedControl:
         slower = Twist(share * twist.v, share * twist.w)
         if arc is not None or self.wheels.braking(now, slower) is not None:
             return STILL
+        if lead is None or self._share(slower, self.wheels.lead(now, slower), walls=walls) >= 1.0:
+            return slower
         return self.wheels.slow(slower, lead)
 
     def _share(self, twist: Twist, lead: LeadIn | None, *, walls: bool) -> float:

@@ -10,14 +10,13 @@ program names: of the latter each must have a way from at least one robot.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Program
 from rmr.node.motion.astar import plan
-from rmr.node.motion.grid import DOOR_MARGIN_M, TIGHT_MARGIN_M, cell_for, grid_of
+from rmr.node.motion.grid import TIGHT_MARGIN_M, cell_for, grid_of, regions
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
@@ -43,7 +42,7 @@ class Ways:
 
     def __init__(self, lab: Lab) -> None:
         self._arena = lab.arena
-        self._region = _regions(lab.arena)
+        self._region = regions(lab.arena, doors=True)
         least = lab.arena.shape.radius + TIGHT_MARGIN_M
         self._too_near = [clear < least for clear in grid_of(lab.arena).clear]
         """By cell: whether it is blocked at the ends of a way, too."""
@@ -66,31 +65,6 @@ class Ways:
         """Return the region of the cell from which the planner begins at `point`; 0 if that is in none."""
         cell = cell_for(grid_of(self._arena), self._too_near, point)
         return 0 if cell is None else self._region[cell]
-
-
-@lru_cache(maxsize=4)
-def _regions(arena: Arena) -> list[int]:
-    """Return the region of each cell, from 1; 0 where a robot's centre cannot pass. Flood fill over four neighbours."""
-    grid = grid_of(arena)
-    least = arena.shape.radius + DOOR_MARGIN_M
-    free = [clear >= least or index in grid.doors for index, clear in enumerate(grid.clear)]
-    region = [0] * len(free)
-    steps = (1, -1, grid.stride, -grid.stride)
-    count = 0
-    for first, is_free in enumerate(free):
-        if not is_free or region[first]:
-            continue
-        count += 1
-        region[first] = count
-        edge = [first]
-        while edge:
-            cell = edge.pop()
-            for step in steps:
-                other = cell + step
-                if not region[other] and free[other]:
-                    region[other] = count
-                    edge.append(other)
-    return region
 
 
 def _unreachable_destinations(lab: Lab, ways: Ways) -> Iterator[Finding]:
