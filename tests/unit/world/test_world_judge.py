@@ -72,6 +72,18 @@ def test_the_labs_of_this_repository_are_fine(name):
     assert validated(lab, load_lab_program(lab)).warnings == ""
 
 
+@pytest.mark.parametrize(("y", "beacons", "warned"), [(1.4, 2, True), (1.2, 2, False), (1.4, 3, False)])
+def test_a_place_where_robots_know_their_position_too_badly_is_a_warning(tmp_path, y, beacons, warned):
+    folder = room(tmp_path, yard=f"{{slots: [[2.5, 0.3], [2.9, {y}]]}}")
+    at = [[0, 1.5], [0.5, 1.5], [0, 0]][:beacons]
+    with (folder / "lab.yaml").open("a") as lab:
+        lab.write(f"localisation: {{beacons: {at}}}\n")
+    problems, warnings = told(folder)
+    assert problems == []
+    words = "a robot at (2.9, 1.4), near the line through the beacons, knows its position to"
+    assert any(f"areas.yard.slots.1: warning: {words}" in warning for warning in warnings) == warned
+
+
 def test_a_room_without_walls_is_fine(tmp_path):
     assert told(room(tmp_path)) == ([], [])
 

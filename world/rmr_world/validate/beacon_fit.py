@@ -1,18 +1,25 @@
-"""Phase 2, fit of the beacons: where they stand, a robot can tell its position from the mirror image.
+"""Fit of the beacons: where they stand, a robot can tell its position from the mirror image, and well enough to stop.
 
-The robots' own search (`rmr.node.motion.multilateration`) says which positions a set of ranges leaves. It is asked for
-places all over the floor. Of most layouts the geometry of the beacons alone tells enough: they stand on one wall, or
-far enough beside each line.
+For the mirror image the robots' own search (`rmr.node.motion.multilateration`) says which positions a set of ranges
+leaves. It is asked for places all over the floor. Of most layouts the geometry of the beacons alone tells enough: they
+stand on one wall, or far enough beside each line.
+
+How well a robot knows its position follows from the geometry as well: near the line through two beacons ranges say
+little of the way across it. The robots' own filter is asked (`rmr.node.motion.ekf`).
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot
-from rmr.node.motion.ekf import RANGE_SIGMA
+from rmr.bytecode.program import Program
+from rmr.node.motion.ekf import RANGE_SIGMA, Ekf
 from rmr.node.motion.localiser import DECIDES, ECHOES_MAX, range_sigma
 from rmr.node.motion.multilateration import SAME_M, Echo, hypotheses
-from rmr_world.finding import Finding
+from rmr.node.motion.shield import SIGMAS
+from rmr_world.finding import FilePath, Finding
+from rmr_world.lab import Lab
 from rmr_world.validate.lab_draft import LabDraft
 
 LINE_SHARE = 0.1
@@ -21,6 +28,10 @@ LINE_SHARE = 0.1
 At a distance d of a beacon and u of the line, h beside it gives a difference of 2 u h / d of two ranges. With u of
 SAME_M / 2 and ranges of RANGE_SIGMA that is 1.4 standard deviations, and DECIDES is reached with a dozen ranges.
 """
+WORST_M = 0.05
+"""Standard deviation with which a robot arrives, metres: of one that has ranges, no more."""
+SETTLED_S = 10.0
+"""Time for which it stands, seconds."""
 LOOKS_MAX = 4000
 """Places of the floor that are looked at, at most."""
 
@@ -97,5 +108,40 @@ def _diagonal(arena: Arena) -> float:
     return hypot(arena.width, arena.height)
 
 
+def place_known_too_badly(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of places nearer to a wall than a robot that knows its position no better drives up to it."""
+    arena = lab.arena
+    if len(set(arena.beacons)) < 2 or lab.localisation.dropout == 1.0:
+        return
+    for area in arena.areas:
+        for index, place in enumerate(area.places if area.box is None else ()):
+            spare = arena.clearance(*place) - arena.shape.radius
+            if not 0.0 <= spare < SIGMAS * WORST_M:
+                continue
+            sigma = settled_sigma(lab, place)
+            if spare < SIGMAS * sigma:
+                path: FilePath = ("areas", area.name, "slots", index)
+                message = (
+                    f"a robot at ({place.x:g}, {place.y:g}), near the line through the beacons, knows its position to "
+                    f"{1e3 * sigma:.0f} mm and keeps three times that off walls; it has {1e3 * spare:.0f} mm there, so "
+                    "it may arrive late or never: move the place, or add a beacon beside the line"
+                )
+                yield lab.warning(path if path in lab.places else ("areas", area.name), message)
+
+
+def settled_sigma(lab: Lab, place: Point) -> float:
+    """Return the standard deviation of the position of a robot that has stood at `place`, metres, across its worst."""
+    arena = lab.arena
+    ekf = Ekf(place.x, place.y, 0.0, sigma=WORST_M, range_sigma=range_sigma(arena))
+    pulses_s = lab.localisation.rate * (1.0 - lab.localisation.dropout)
+    for _ in range(math.ceil(SETTLED_S * pulses_s)):
+        ekf.predict(0.0, 0.0, 0.0, 1.0 / pulses_s)
+        for beacon in arena.beacons:
+            ekf.range(beacon, distance(*beacon, *place))
+    return ekf.position_sigma
+
+
 CHECKS = (no_mirror_image,)
-"""The rules of the beacons."""
+"""The rules of the beacons that need the lab file alone."""
+LINT = (place_known_too_badly,)
+"""The lint of the beacons of a lab."""

@@ -7,6 +7,7 @@ from rmr_world.finding import Finding
 from rmr_world.lab import Lab
 from rmr_world.validate import (
     area_capacity,
+    beacon_fit,
     deadline_feasibility,
     exclusion,
     lab_lint,
@@ -23,6 +24,7 @@ Check = Callable[[Lab, Program], Iterable[Finding]]
 FEASIBILITY = (
     *lab_lint.CHECKS,
     *shape_fit.CHECKS,
+    *beacon_fit.LINT,
     *deadline_feasibility.CHECKS,
     *area_capacity.CHECKS,
     *passages_passed.CHECKS,
