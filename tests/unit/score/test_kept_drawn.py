@@ -10,14 +10,14 @@ from score_run import drawn_entry, taken
 
 FILE = Path(__file__).parents[2] / "score" / "kept_drawn.toml"
 KEPT = tomllib.loads(FILE.read_text())["kept"]
-TIERS = (pytest.mark.medium, pytest.mark.slow, pytest.mark.slow)
 
 
 def cases():
-    for number, kept in enumerate(KEPT):
+    for kept in KEPT:
         broken = [pytest.mark.xfail(reason=kept["cause"], strict=True)] if "fails" in kept else []
+        tier = pytest.mark.medium if kept.get("short") else pytest.mark.slow
         name = f"{kept['seed']}{'-chaos' if kept.get('chaos') else ''}"
-        yield pytest.param(kept, id=name, marks=[*broken, TIERS[number % len(TIERS)]])
+        yield pytest.param(kept, id=name, marks=[*broken, tier])
 
 
 @pytest.mark.parametrize("kept", list(cases()))
