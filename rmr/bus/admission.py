@@ -49,16 +49,18 @@ def refusal(endpoint: str, secret: Secret | None) -> str | None:
     kind = _first_answer(endpoint)
     if kind == CLOSE and secret is None:
         return (
-            f"{endpoint} does not let this process in: its world has a secret, so name the file with --secret "
+            f"{endpoint} does not let this process in: it has a secret, so name the file with --secret "
             f"(of rmr up: {SECRET_FILE} in its run folder)"
         )
     if kind == CLOSE and secret is not None:
         return (
-            f"{endpoint} does not let this process in: its world has another secret than the one in {secret.file}, "
-            "so name the file of that world with --secret"
+            f"{endpoint} does not let this process in: it has another secret than the one in {secret.file}, "
+            "so name the file of that lab with --secret"
         )
     if kind == INIT and secret is not None:
-        return f"the world at {endpoint} has no secret: start it with --secret {secret.file}, or this process without"
+        return (
+            f"what listens at {endpoint} has no secret: start it with --secret {secret.file}, or this process without"
+        )
     return None
 
 
@@ -83,7 +85,7 @@ def why_no_session(endpoint: str) -> str:
 def impostor(endpoint: str, secret: Secret) -> str:
     """Return the message for a router that admits every client but does not know the secret."""
     return (
-        f"what listens at {endpoint} does not know the secret in {secret.file}: it is not the world, "
+        f"what listens at {endpoint} does not know the secret in {secret.file}: it is no world or router of this lab, "
         "so find out which program it is, or choose another endpoint"
     )
 

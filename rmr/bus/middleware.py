@@ -5,8 +5,8 @@ import json
 import os
 import re
 import time
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import zenoh
 
@@ -45,41 +45,67 @@ class NotAdmittedError(NobodyThereError):
     """What listens at the endpoint does not let this session in, or does not know its secret."""
 
 
-def _config(listen: str | None, connect: str | None, secret: Secret | None = None) -> Any:
-    settings = {
-        "mode": "client" if listen is None else "router",
-        "listen/endpoints": [] if listen is None else [listen],
-        "connect/endpoints": [] if connect is None else [connect],
-        "connect/timeout_ms": 0,
-        "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": RETRY_FIRST_MS,
-            "period_max_ms": RETRY_MAX_MS,
-            "period_increase_factor": 2,
-        },
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 0,
-        "transport/link/tx/lease": LEASE_MS,
-        "transport/unicast/open_timeout": HANDSHAKE_MS,
-        "transport/unicast/accept_timeout": HANDSHAKE_MS,
-        **({} if secret is None else secret.settings(is_router=listen is not None)),
-    }
+_COMMON_SETTINGS: Final = {
+    "connect/exit_on_failure": False,
+    "connect/retry": {
+        "period_init_ms": RETRY_FIRST_MS,
+        "period_max_ms": RETRY_MAX_MS,
+        "period_increase_factor": 2,
+    },
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,
+    "transport/link/tx/lease": LEASE_MS,
+    "transport/unicast/open_timeout": HANDSHAKE_MS,
+    "transport/unicast/accept_timeout": HANDSHAKE_MS,
+}
+
+
+def _open(settings: dict[str, Any]) -> Any:
+    """Return a session with `settings` and the threads that go with them. Raises ZError."""
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
-    return config
+    with _thread_pools(routes=settings["mode"] == "router"):
+        return zenoh.open(config)
 
 
-def _explain(error: Exception, listen: str | None, connect: str | None) -> BusError:
+def router_settings(listen: str, connect: Sequence[str], secret: Secret | None, name: str = "") -> dict[str, Any]:
+    """Return the settings of zenoh, by key, for a router at `listen` that joins those at `connect` once they are there.
+
+    Under a `secret` a router with a `name` has the same id each time.
+    """
+    return {
+        "mode": "router",
+        "listen/endpoints": [listen],
+        "connect/endpoints": list(connect),
+        "connect/timeout_ms": -1,  # it retries, in the background
+        **_COMMON_SETTINGS,
+        **({} if secret is None else secret.router_settings(name)),
+        **({} if secret is None or not connect else secret.client_settings()),
+    }
+
+
+def _client_settings(connect: str, secret: Secret | None) -> dict[str, Any]:
+    return {
+        "mode": "client",
+        "listen/endpoints": [],
+        "connect/endpoints": [connect],
+        "connect/timeout_ms": 0,  # once; it retries when it has been connected
+        **_COMMON_SETTINGS,
+        **({} if secret is None else secret.client_settings()),
+    }
+
+
+def _explain(error: Exception, endpoint: str) -> BusError:
     """Return zenoh's error as one that says what to do."""
     text = str(error)
     if "Address already in use" in text:
-        return InUseError(f"{listen} is in use")
+        return InUseError(f"{endpoint} is in use")
     if "Unable to connect" in text or "Timeout" in text:
-        return NobodyThereError(f"nobody listens at {connect}")
+        return NobodyThereError(f"nobody listens at {endpoint}")
     reason = re.sub(r"\s+at \S+\.rs:\d+\.?", "", text)
-    return BusError(f"cannot use {listen or connect}: {reason}")
+    return BusError(f"cannot use {endpoint}: {reason}")
 
 
 @contextlib.contextmanager
@@ -99,28 +125,41 @@ def _thread_pools(*, routes: bool) -> Iterator[None]:
         os.environ.pop(POOLS_VARIABLE, None)
 
 
-def open_session(listen: str | None, connect: str | None, secret: Secret | None) -> Any:
-    """Return a session of zenoh. Raises as `open_bus` does; may be called on any thread."""
-    for endpoint in (listen, connect):
-        if endpoint is not None:
-            check_endpoint(endpoint)
-    # zenoh would look for a host as long as the system does.
-    if listen and (problem := host_problem(listen)):
+def open_router(listen: str, connect: Sequence[str] = (), secret: Secret | None = None) -> Any:
+    """Return the session of a router at `listen`; it joins the routers at `connect` as soon as they are there.
+
+    Raises BusError (a bad endpoint, an address in use). Whether a router at `connect` is there, and lets this one in,
+    is not known yet: `open_client` with the same secret tells.
+    """
+    for endpoint in (listen, *connect):
+        check_endpoint(endpoint)
+    if problem := host_problem(listen):  # zenoh would look for a host as long as the system does
         raise BusError(f"cannot use {listen}{problem}")
-    if connect and (problem := host_problem(connect)):
+    try:
+        return _open(router_settings(listen, connect, secret))
+    except zenoh.ZError as error:
+        raise _explain(error, listen) from None
+
+
+def open_client(connect: str, secret: Secret | None) -> Any:
+    """Return the session of a client of the router at `connect`. May be called on any thread.
+
+    Raises BusError (a bad endpoint), NobodyThereError and NotAdmittedError.
+    """
+    check_endpoint(connect)
+    if problem := host_problem(connect):
         raise NobodyThereError(f"nobody listens at {connect}{problem}")
     began_s = time.monotonic()
     try:
-        with _thread_pools(routes=listen is not None):
-            session: Any = zenoh.open(_config(listen, connect, secret))
+        session = _open(_client_settings(connect, secret))
     except zenoh.ZError as error:
-        explained = _explain(error, listen, connect)
+        explained = _explain(error, connect)
         in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else the router is overloaded or stopped
-        if connect and isinstance(explained, NobodyThereError) and in_time:
+        if isinstance(explained, NobodyThereError) and in_time:
             refusal = admission.refusal(connect, secret)
             explained = explained if refusal is None else NotAdmittedError(refusal)
         raise explained from None
-    if connect and secret is not None and secret.router not in map(str, session.info.routers_zid()):
+    if secret is not None and not any(secret.is_known_to(str(router)) for router in session.info.routers_zid()):
         session.close()
         raise NotAdmittedError(admission.impostor(connect, secret))
     return session

@@ -1,4 +1,4 @@
-"""Identifies the program that occupies the address at which a world is to listen, for an error message."""
+"""Identifies the program that occupies the address at which a world or router is to listen, for an error message."""
 
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
@@ -21,7 +21,7 @@ async def who_listens(endpoint: str) -> str:
     try:
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
     except NotAdmittedError:
-        return "a world with a secret runs there; end it, or choose another --listen"
+        return "a world or router with a secret runs there; end it, or choose another --listen"
     except BusError:
         return why_no_session(endpoint).removeprefix(": ") or "another program listens there; choose another --listen"
     try:
@@ -32,4 +32,4 @@ async def who_listens(endpoint: str) -> str:
     labs = sorted({message.body.lab for message, _ in replies if isinstance(message.body, wire.Disturbances)})
     if labs:
         return f"the world of lab {', '.join(labs)} runs there; end it, or choose another --listen"
-    return "a zenoh router without a world of rmr runs there; choose another --listen, or join it with --connect"
+    return "a router without a world of rmr runs there; choose another --listen, or join it with --connect"

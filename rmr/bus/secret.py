@@ -4,13 +4,15 @@ zenoh authenticates a session once, when it opens (``transport/auth/usrpwd``): t
 answers with an HMAC of the password under it, and the password does not travel. Messages carry nothing for it.
 
 A client does not learn from that whether the router knows the secret, too. The router's id, which zenoh lets the
-router choose, is therefore derived from the secret: a program that takes the endpoint before the world does cannot
-know it. Whoever has seen the id of an earlier router of the same secret can.
+router choose, therefore proves it: one half is drawn, the other follows from that and the secret. A program that takes
+the endpoint before the world does cannot make such an id; whoever has seen that of an earlier router can show it again.
+Routers of one secret have different ids, for zenoh connects no two of the same id.
 
 The file is what zenoh calls a dictionary: one line ``NAME:PASSWORD``. Nothing here ever shows the password.
 """
 
 import hashlib
+import hmac
 import os
 import re
 import secrets
@@ -27,6 +29,9 @@ SECRET_FILE: Final = "secret"
 
 USER: Final = "rmr"
 """User name in the files that rmr writes; a file written by hand may have another."""
+
+ROUTER_ID: Final = re.compile("1([0-9a-f]{15})([0-9a-f]{16})")
+"""What is drawn of a router's id, and what proves the secret. The first digit of an id must not be 0."""
 
 PASSWORD_OCTETS: Final = 32
 """Random octets of a password that rmr makes; it is written in hexadecimal."""
@@ -49,17 +54,27 @@ class Secret:
     user: str = field(repr=False)
     password: str = field(repr=False)
 
-    @property
-    def router(self) -> str:
-        """The id of a router that knows the secret: 32 hexadecimal digits, the first of which is not 0."""
-        digest = hashlib.blake2s(self.password.encode(), digest_size=16, person=b"rmr-id").hexdigest()
-        return f"1{digest[1:]}"
+    def router_id(self, name: str = "") -> str:
+        """Return a new id for a router that knows the secret, or the one that a router of this `name` always has."""
+        drawn = hashlib.blake2s(name.encode()).hexdigest() if name else secrets.token_hex(8)
+        return f"1{drawn[:15]}{self._proof(drawn[:15])}"
 
-    def settings(self, *, is_router: bool) -> dict[str, str]:
-        """Return the settings of zenoh, by key."""
-        if is_router:
-            return {"id": self.router, "transport/auth/usrpwd/dictionary_file": str(self.file)}
+    def is_known_to(self, router: str) -> bool:
+        """Return whether the id `router` is that of a router that knows the secret."""
+        match = ROUTER_ID.fullmatch(router)
+        return match is not None and hmac.compare_digest(match[2], self._proof(match[1]))
+
+    def _proof(self, drawn: str) -> str:
+        key = hashlib.blake2s(self.password.encode(), person=b"rmr-id").digest()
+        return hashlib.blake2s(drawn.encode(), key=key, digest_size=8).hexdigest()
+
+    def client_settings(self) -> dict[str, str]:
+        """Return the settings of zenoh for whoever connects, by key."""
         return {"transport/auth/usrpwd/user": self.user, "transport/auth/usrpwd/password": self.password}
+
+    def router_settings(self, name: str = "") -> dict[str, str]:
+        """Return the settings of zenoh for a router with the id of this `name`, by key."""
+        return {"id": self.router_id(name), "transport/auth/usrpwd/dictionary_file": str(self.file)}
 
 
 def make_secret(path: Path) -> None:

@@ -1,4 +1,6 @@
-"""One session on the bus for each process: a star whose router is the world (or a zenohd), no scouting.
+"""One session on the bus for each process: a star around a router, no scouting.
+
+The router is the world, or one of several that are joined, a host each (`rmr router`, or a zenohd).
 
 Rules, each bought by a measurement:
 
@@ -30,7 +32,14 @@ from rmr.bus.endpoint import BusError
 from rmr.bus.line import Handler, Line, Listener
 from rmr.bus.losses import Losses
 from rmr.bus.message_parts import cut
-from rmr.bus.middleware import RETRY_FIRST_MS, RETRY_MAX_MS, NobodyThereError, NotAdmittedError, open_session
+from rmr.bus.middleware import (
+    RETRY_FIRST_MS,
+    RETRY_MAX_MS,
+    NobodyThereError,
+    NotAdmittedError,
+    open_client,
+    open_router,
+)
 from rmr.bus.secret import Secret
 
 EAGER_TRIES = 50
@@ -61,7 +70,10 @@ def open_bus(
     uses only a router that does. Must run on the event loop. Raises BusError (a bad endpoint, an address in use),
     `NobodyThereError` when no router answers at `connect` and `NotAdmittedError` when it does not let this client in.
     """
-    return Bus(Line(open_session(listen, connect, secret)), sender, is_client=listen is None)
+    if listen is not None:
+        return Bus(Line(open_router(listen, (), secret)), sender, is_client=False)
+    assert connect is not None, "a client has a router"
+    return Bus(Line(open_client(connect, secret)), sender, is_client=True)
 
 
 async def open_when_there(
@@ -106,7 +118,7 @@ async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refus
             refusals = 0
             continue
         try:
-            (await asyncio.to_thread(open_session, None, connect, secret)).close()
+            (await asyncio.to_thread(open_client, connect, secret)).close()
         except NotAdmittedError as error:
             refusals += 1
             if refusals == REFUSALS_REPORTED:
@@ -151,6 +163,11 @@ class Bus:
     def run(self) -> int:
         """The random number of this session, as its messages carry it."""
         return self._line.run
+
+    @property
+    def router(self) -> str:
+        """The id of the router that this client is connected to; empty when there is none."""
+        return next(map(str, self._session.info.routers_zid()), "")
 
     def go_on_as(self, run: int) -> None:
         """Speak under the number of an earlier session, before anything is sent: that of a world that goes on."""

@@ -178,7 +178,7 @@ def test_robot_started_by_hand_joins_with_the_secret_and_is_refused_without_it(e
     bare = stage.agent(1, program=program)
     assert bare.exit_code() == 1
     assert bare.said() == (
-        f"rmr-agent 1: {endless.endpoint} does not let this process in: its world has a secret, so name the file with "
+        f"rmr-agent 1: {endless.endpoint} does not let this process in: it has a secret, so name the file with "
         "--secret (of rmr up: secret in its run folder)\n"
     )
     admitted = stage.agent(1, "--secret", endless.folder / "secret", program=program)
@@ -199,7 +199,7 @@ def test_world_started_by_hand_creates_the_secret_and_admits_only_its_holders(st
     other.write_text("rmr:" + "0" * 64 + "\n")
     wrong = stage.agent(1, "--secret", other)
     assert wrong.exit_code() == 1
-    assert f"its world has another secret than the one in {other}" in wrong.said()
+    assert f"it has another secret than the one in {other}" in wrong.said()
     world.wait_for("refused a process that has another secret (attempts so far: ")
     stage.agent(1, "--secret", file).wait_for("robot 1 is in lab bench")
     assert "zenoh" not in world.said()
@@ -211,7 +211,7 @@ def test_robot_with_a_secret_does_not_join_a_world_without_one(stage):
     stage.world().wait_for("lab bench, 2 robots")
     robot = stage.agent(1, "--secret", stage.folder / "made")
     assert robot.exit_code() == 1
-    assert f"the world at {stage.endpoint} has no secret: start it with --secret " in robot.said()
+    assert f"what listens at {stage.endpoint} has no secret: start it with --secret " in robot.said()
 
 
 def test_unusable_secret_file_is_one_sentence_and_exit_code_3(stage):
@@ -242,7 +242,7 @@ def test_fault_by_endpoint_needs_the_secret(stage):
     fault = [sys.executable, "-m", "rmr_deploy.fault", "list", "--connect", stage.endpoint]
     bare = subprocess.run(fault, capture_output=True, text=True, check=False)
     assert (bare.returncode, bare.stdout) == (1, "")
-    assert bare.stderr.startswith(f"rmr fault: {stage.endpoint} does not let this process in: its world has a secret")
+    assert bare.stderr.startswith(f"rmr fault: {stage.endpoint} does not let this process in: it has a secret")
     assert subprocess.run([*fault, "--secret", file], capture_output=True, check=False).returncode == 0
 
 

@@ -12,7 +12,7 @@ from bus_star import free_endpoint, until
 
 from rmr.bus import session, wire
 from rmr.bus.endpoint import BusError
-from rmr.bus.middleware import NobodyThereError, NotAdmittedError
+from rmr.bus.middleware import NobodyThereError, NotAdmittedError, open_router
 from rmr.bus.secret import SecretError, make_secret, read_secret
 from rmr.bus.session import open_bus, open_when_there
 
@@ -51,12 +51,23 @@ def test_secret_file_stays_private_under_a_permissive_umask(tmp_path):
 
 def test_secret_shows_no_password(secret):
     assert secret.password not in repr(secret)
-    assert secret.password not in secret.router
+    assert secret.password not in secret.router_id()
 
 
-def test_router_id_depends_on_the_password_and_is_one_that_zenoh_accepts(secret, other):
-    assert secret.router != other.router
-    assert (len(secret.router), secret.router[0]) == (32, "1")
+def test_router_id_proves_the_secret_and_is_one_that_zenoh_accepts(secret, other):
+    router = secret.router_id()
+    assert secret.is_known_to(router)
+    assert not other.is_known_to(router)
+    assert not any(
+        secret.is_known_to(wrong) for wrong in ("1234", router[:-1], f"2{router[1:]}", f"1{router[::-1][1:]}")
+    )
+    assert (len(router), router[0]) == (32, "1")
+
+
+def test_routers_of_one_secret_have_different_ids_and_a_named_one_always_the_same(secret):
+    assert secret.router_id() != secret.router_id() != secret.router_id("lab/a") != secret.router_id("lab/b")
+    assert secret.router_id("lab/a") == secret.router_id("lab/a")
+    assert secret.is_known_to(secret.router_id("lab/a"))
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o644])
@@ -129,9 +140,9 @@ def test_client_with_the_secret_publishes_queries_and_sees_liveliness(secret):
 
 def test_client_without_the_secret_or_with_another_gets_no_session_and_one_sentence(secret, other):
     async def scene(_router, endpoint):
-        with pytest.raises(NotAdmittedError, match=r"its world has a secret, so name the file with --secret"):
+        with pytest.raises(NotAdmittedError, match=r"it has a secret, so name the file with --secret"):
             open_bus(1, connect=endpoint)
-        with pytest.raises(NotAdmittedError, match=r"its world has another secret than the one in .*other"):
+        with pytest.raises(NotAdmittedError, match=r"it has another secret than the one in .*other"):
             open_bus(1, connect=endpoint, secret=other)
 
     with_router(secret, scene)
@@ -148,11 +159,13 @@ def test_client_with_a_secret_does_not_use_a_router_without_one(secret):
 def test_client_does_not_use_a_router_that_accepts_every_password(secret, monkeypatch):
     """A program that took the world's port: it cannot check a password, and its id is not derived from the secret."""
     with monkeypatch.context() as patch:
-        patch.setattr(type(secret), "router", "1234")
+        patch.setattr(type(secret), "router_id", lambda *_: "1234")
 
         async def scene(_router, endpoint):
             patch.undo()
-            with pytest.raises(NotAdmittedError, match=r"does not know the secret in .*: it is not the world"):
+            with pytest.raises(
+                NotAdmittedError, match=r"does not know the secret in .*: it is no world or router of this lab"
+            ):
                 open_bus(1, connect=endpoint, secret=secret)
 
         with_router(secret, scene)
@@ -253,7 +266,7 @@ def test_client_refused_on_reconnect_is_reported_once(secret, monkeypatch):
         await until(lambda: told)
         await asyncio.sleep(0.3)
         assert len(told) == 1
-        assert told[0].startswith(f"{endpoint} does not let this process in: its world has a secret")
+        assert told[0].startswith(f"{endpoint} does not let this process in: it has a secret")
         watching.cancel()
         one.close()
         router.close()
@@ -292,3 +305,28 @@ def test_password_does_not_travel_in_clear(secret):
 
 def test_not_admitted_is_an_error_of_the_bus():
     assert issubclass(NotAdmittedError, BusError)
+
+
+# --- routers that are joined -----------------------------------------------------------------------------------
+
+
+def test_routers_of_one_secret_join_and_a_client_of_each_hears_the_other(secret):
+    async def play():
+        first, second = free_endpoint(), free_endpoint()
+        later = open_router(second, [first], secret)
+        router = open_router(first, (), secret)
+        one, two = (open_bus(n, connect=at, secret=secret) for n, at in ((1, first), (2, second)))
+        heard = []
+        two.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
+
+        def told():
+            one.publish("rmr/x/ops/1/status", wire.Stop("x"))
+            return heard
+
+        try:
+            await until(told)
+        finally:
+            for opened in (one, two, later, router):
+                opened.close()
+
+    asyncio.run(play())
