@@ -64,31 +64,16 @@ def _declare(parser: "Parser") -> None:
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
 
 
-def _check_open(listen: str | None, *, secret: bool, opened: bool) -> None:
-    """Raise CommandLineError for a bus that other machines could use without a secret, unless that is asked for."""
-    from rmr.bus.endpoint import is_loopback
-    from rmr.entry.command_line import CommandLineError
-
-    beyond = listen is not None and not is_loopback(listen)
-    if opened and (secret or not beyond):
-        why = "--secret" if secret else "--listen beyond this machine alone"
-        raise CommandLineError(f"--open goes {'without' if secret else 'with'} {why}")
-    if beyond and not secret and not opened:
-        raise CommandLineError(
-            f"whoever reaches {listen}, from other machines, too, could drive the robots: name a secret with "
-            "--secret FILE, which is made if it does not exist, or allow that with --open"
-        )
-
-
 def _serve(**options: Any) -> int:
     """Serve the world until its end; return the exit code."""
     from argparse import Namespace
 
+    from rmr.bus.listening import check_open
     from rmr.entry.command_line import CommandLineError
 
     if options["listen"] is not None and options["connect"] is not None:
         raise CommandLineError("--connect is not allowed with --listen: name one of them")
-    _check_open(options["listen"], secret=options["secret"] is not None, opened=options["open"])
+    check_open(options["listen"], secret=options["secret"] is not None, opened=options["open"])
     try:
         with Loading("rmr_world.world_process"):
             from rmr_world.world_process import perform

@@ -15,6 +15,7 @@ from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
 from rmr.bus.keys import Keys
+from rmr.bus.listening import SAY_AGAIN_S, Refused, secret_of_listener, warn_if_open
 from rmr.bus.middleware import InUseError
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
@@ -26,7 +27,7 @@ from rmr.bus.process import (
     start_logging,
 )
 from rmr.bus.process_recorder import ProcessRecorder
-from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
+from rmr.bus.secret import Secret, SecretError
 from rmr.bus.session import Bus, open_bus, open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -37,9 +38,6 @@ from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.server import WorldServer
 from rmr_world.world_messages import map_of
 from rmr_world.world_state import WorldFolder, WorldStateError
-
-SAY_AGAIN_S = 5.0
-"""How often a waiting world says that it waits for its router."""
 
 ASK_S = 1.0
 """How long another world of the same lab may take to show itself."""
@@ -75,34 +73,6 @@ def _check_program(lab: Lab, path: Path) -> None:
         raise InvalidError(str(error)) from None
 
 
-def _secret(options: argparse.Namespace) -> Secret | None:
-    """Return the secret of the bus; a router without one to read makes it. Raises SecretError, OSError."""
-    if options.secret is None:
-        return None
-    if options.connect is None and not options.secret.exists():
-        make_secret(options.secret)
-        log.info("made a new secret: %s", options.secret)
-    return read_secret(options.secret)
-
-
-class Refused:
-    """Tells of sessions that were refused: the first at once, then now and then how many they were."""
-
-    def __init__(self) -> None:
-        self._count = 0
-        self._reason = ""
-        self._say = Throttle(self._tell, SAY_AGAIN_S)
-
-    def __call__(self, reason: str) -> None:
-        """Count one more, for a reason of `refusals.REASONS`."""
-        self._count += 1
-        self._reason = reason
-        self._say()
-
-    def _tell(self) -> None:
-        log.warning("refused a process %s (attempts so far: %d)", self._reason, self._count)
-
-
 async def _open(options: argparse.Namespace, secret: Secret | None, ending: Ending) -> Bus | None:
     """Return the session; None when the end was asked for while waiting for the router."""
     if options.connect is None:
@@ -119,13 +89,7 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
         SAY_AGAIN_S,
     )
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say, secret))
-    ended = asyncio.ensure_future(ending.wait())
-    await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)
-    ended.cancel()
-    if opening.done():
-        return opening.result()
-    opening.cancel()
-    return None
+    return opening.result() if await ending.unless_asked(opening) else None
 
 
 async def _live(
@@ -139,8 +103,7 @@ async def _live(
     log.info(
         "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
     )
-    if options.open:
-        log.warning("open: whoever reaches %s, on any machine, can drive the robots and end the run", options.listen)
+    warn_if_open(options.listen, opened=options.open)
     attach = partial(attach_lab, floor=lab.arena, lab=lab.path, program=options.program or lab.program)
     recorder = None if options.record is None else ProcessRecorder(options.record, "world", attach)
     tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
@@ -174,7 +137,7 @@ def perform(options: argparse.Namespace) -> int:
         return ExitCode.USAGE
     try:
         lab = _load(options)
-        secret = _secret(options)
+        secret = secret_of_listener(options.secret, makes=options.connect is None)
         folder = None if options.state is None else WorldFolder(options.state, map_of(lab, lab.seed))
     except (LabError, InvalidError, SecretError, WorldStateError) as error:
         print(error, file=sys.stderr)
