@@ -37,6 +37,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "view": ("rmr_view.view:main", "Show a run in the browser, while it goes on or afterwards."),
     "plot": ("rmr_view.plot:main", "Draw pictures of a run, or figures of experiments."),
     "agent": ("rmr_agent.main:main", "Run one robot."),
+    "router": ("rmr_deploy.router:main", "Run a router between the hosts of a lab."),
     "world": ("rmr_world.main:main", "Run the world server of a lab."),
 }
 """The subcommands of other packages, each the function that carries it out and its summary."""

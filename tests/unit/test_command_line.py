@@ -17,6 +17,7 @@ from rmr_deploy.fault import command as fault
 from rmr_deploy.fleet import VERBS
 from rmr_deploy.fleet import command as fleet
 from rmr_deploy.load import command as load
+from rmr_deploy.router import command as router
 from rmr_deploy.up import command as up
 from rmr_deploy.why_program import why_command
 from rmr_lab.commands import command as lab
@@ -37,6 +38,7 @@ PROGRAMS = {
     "rmr fault": fault(),
     "rmr fleet": fleet(),
     "rmr load": load(),
+    "rmr router": router(),
     "rmr lab": lab,
     "rmr new": new,
     "rmr plot": plot(),

@@ -1,0 +1,101 @@
+"""`rmr router config`: what it prints makes zenoh the router that `rmr router` would be."""
+
+import asyncio
+import json
+
+import pytest
+import zenoh
+from bus_star import free_endpoint, until
+from command_runner import invoke
+
+from rmr.bus import wire
+from rmr.bus.middleware import open_router
+from rmr.bus.secret import make_secret, read_secret
+from rmr.bus.session import open_bus
+from rmr_deploy.router import command
+
+CONNECT = "tcp/10.0.0.1:17447"
+
+
+@pytest.fixture
+def secret(tmp_path):
+    make_secret(tmp_path / "secret")
+    return read_secret(tmp_path / "secret")
+
+
+def config(*words):
+    """Return exit code, standard output and standard error."""
+    answer = invoke(command(), ["config", *map(str, words)], name="rmr router")
+    return answer.exit_code, answer.stdout, answer.stderr
+
+
+def test_configuration_has_host_and_routers_and_is_the_same_each_time(secret):
+    words = ("corridor", "--host", "b", "--connect", CONNECT, "--connect", "tcp/c:1", "--secret", secret.file)
+    code, printed, said = config(*words)
+    assert (code, said) == (0, "")
+    document = json.loads(printed)
+    assert document["mode"] == "router"
+    assert document["listen"]["endpoints"] == ["tcp/b:17447"]
+    assert document["connect"]["endpoints"] == [CONNECT, "tcp/c:1"]
+    assert document["transport"]["auth"]["usrpwd"]["dictionary_file"] == str(secret.file)
+    assert secret.is_known_to(document["id"])
+    assert config(*words)[1] == printed
+    assert json.loads(config("corridor", "--host", "c", "--secret", secret.file)[1])["id"] != document["id"]
+
+
+def test_configuration_holds_no_password_where_the_router_connects_to_none(secret):
+    assert secret.password not in config("corridor", "--host", "b", "--secret", secret.file)[1]
+
+
+@pytest.mark.real
+def test_a_zenoh_router_with_the_configuration_joins_ours_and_lets_in_who_knows_the_secret(secret, tmp_path):
+    async def play():
+        first, second = free_endpoint(), free_endpoint()
+        ours = open_router(first, (), secret)
+        printed = config("corridor", "--host", "b", "--listen", second, "--connect", first, "--secret", secret.file)[1]
+        (tmp_path / "router-b.json5").write_text(printed)
+        theirs = zenoh.open(zenoh.Config.from_file(tmp_path / "router-b.json5"))
+        one, two = open_bus(1, connect=first, secret=secret), open_bus(2, connect=second, secret=secret)
+        heard = []
+        two.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
+
+        def told():
+            one.publish("rmr/x/ops/1/status", wire.Stop("x"))
+            return heard
+
+        try:
+            await until(told)
+        finally:
+            for opened in (one, two, theirs, ours):
+                opened.close()
+
+    asyncio.run(play())
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("corridr", "--host", "a", "--open"), 2, "there is no corridr; did you mean 'corridor'?"),
+        (("corridor",), 2, "config needs a lab and its host"),
+        (("--host", "a"), 2, "config needs a lab and its host"),
+        (("corridor", "--host", "a b", "--open"), 2, "--host: 'a b' is no name or address of a host"),
+        (
+            ("corridor", "--host", "a"),
+            2,
+            "whoever reaches tcp/a:17447, from other machines, too, could drive the robots",
+        ),
+        (("corridor", "--host", "a", "--secret", "none"), 2, "none: No such file or directory"),
+        (("corridor", "--host", "a", "--open", "--log", "x"), 2, "--log goes without config"),
+    ],
+)
+def test_configuration_that_cannot_be_is_refused_in_one_sentence(words, code, says):
+    found, printed, said = config(*words)
+    assert (found, printed) == (code, "")
+    assert says in said
+
+
+def test_lab_that_is_invalid_is_refused_with_its_mistake(tmp_path):
+    (tmp_path / "lab.yaml").write_text("lab: x\nrobots: 3\n")
+    code, printed, said = config(tmp_path, "--host", "127.0.0.1")
+    assert (code, printed) == (3, "")
+    assert "lab.yaml:" in said
