@@ -393,11 +393,12 @@ class Crossings:
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
 
     def _wanted_station(self, crossing: Crossing) -> Area | None:
-        """Return the station that the robot has, and that others wait for, beside what it waits for by `crossing`."""
+        """Return the station that the robot has, and for which others need its place, beside that of `crossing`."""
         for held in self._table:
             if held.station and held is not crossing and isinstance(held.phase, Inside):
                 schedule = self.schedules.get(held.group_id)
-                if schedule is not None and any(robot != self._robot.config.robot for robot in schedule.order):
+                others = set(() if schedule is None else schedule.order) - {self._robot.config.robot}
+                if len(others) >= held.capacity:
                     return held.goal
         return None
 

@@ -47,8 +47,8 @@ class MakingRoom:
     def step(self, now: Instant, crossing: Crossing, inside: Sequence[int], station: Area | None) -> None:
         """Drive out of the way of a robot that gets nowhere, if this one waits for `crossing`.
 
-        One that is `inside` may want to pass; any other one that drives may want to come here. Others wait for the
-        `station` in which this robot is; None: it is in none, or nobody does.
+        One that is `inside` may want to pass; any other one that drives may want to come here. Others need the place of
+        this robot in the `station`; None: it is in none, or nobody does.
         """
         robot = self._robot
         driver = robot.driver
