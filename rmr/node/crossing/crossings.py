@@ -377,6 +377,7 @@ class Crossings:
         if self._shares:
             self._ask_at_gate(now)
         soonest = NEVER
+        wanted = self._wanted_station() if self._robot.config.arena.stations else None
         for crossing in self._table:
             if crossing.course.destination is not None:
                 self.destinations.follow(now, crossing)
@@ -387,15 +388,15 @@ class Crossings:
             if not prepared:
                 self._ask(now, crossing)
             if crossing.waits:
-                self._making_room.step(now, crossing, self.inside(now, crossing), self._wanted_station(crossing))
+                self._making_room.step(now, crossing, self.inside(now, crossing), wanted)
             wake = crossing.next_wake
             soonest = wake if wake < soonest else soonest
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
 
-    def _wanted_station(self, crossing: Crossing) -> Area | None:
-        """Return the station that the robot has, and for which others need its place, beside that of `crossing`."""
+    def _wanted_station(self) -> Area | None:
+        """Return the station that the robot has, and in which others need its place."""
         for held in self._table:
-            if held.station and held is not crossing and isinstance(held.phase, Inside):
+            if held.station and isinstance(held.phase, Inside):
                 schedule = self.schedules.get(held.group_id)
                 others = set(() if schedule is None else schedule.order) - {self._robot.config.robot}
                 if len(others) >= held.capacity:
