@@ -198,7 +198,7 @@ def test_what_rmr_fault_shows_of_a_disturbance_is_documented():
 
 def test_the_endpoint_is_the_one_that_commands_default_to():
     assert PAGE.count(f"default `{DEFAULT_ENDPOINT}`") == 3, "of rmr-world, rmr-agent and rmr router"
-    protocols = re.findall(r"`(\w+)`", re.search(r"the protocol one of (.*?)\. The bus", PAGE, re.DOTALL)[1])
+    protocols = re.findall(r"`(\w+)`", re.search(r"the protocol one of (.*?)\. `--listen`", PAGE, re.DOTALL)[1])
     assert protocols == ENDPOINT.pattern.split(")")[0].lstrip("(").split("|")
 
 
