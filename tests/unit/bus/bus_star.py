@@ -25,6 +25,18 @@ async def until(claim):
             await asyncio.sleep(0.002)
 
 
+async def until_heard(speaker, listener):
+    """Wait until `listener` has heard what `speaker` says again and again."""
+    heard = []
+    listener.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
+
+    def told():
+        speaker.publish("rmr/x/ops/1/status", wire.Stop("x"))
+        return heard
+
+    await until(told)
+
+
 def on_a_star(scene, clients=2):
     """Run `scene(router, *clients)` and close everything."""
 

@@ -8,7 +8,7 @@ import stat
 import threading
 
 import pytest
-from bus_star import free_endpoint, until
+from bus_star import free_endpoint, until, until_heard
 
 from rmr.bus import session, wire
 from rmr.bus.endpoint import BusError
@@ -316,15 +316,8 @@ def test_routers_of_one_secret_join_and_a_client_of_each_hears_the_other(secret)
         later = open_router(second, [first], secret)
         router = open_router(first, (), secret)
         one, two = (open_bus(n, connect=at, secret=secret) for n, at in ((1, first), (2, second)))
-        heard = []
-        two.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
-
-        def told():
-            one.publish("rmr/x/ops/1/status", wire.Stop("x"))
-            return heard
-
         try:
-            await until(told)
+            await until_heard(one, two)
         finally:
             for opened in (one, two, later, router):
                 opened.close()

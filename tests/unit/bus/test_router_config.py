@@ -5,10 +5,9 @@ import json
 
 import pytest
 import zenoh
-from bus_star import free_endpoint, until
+from bus_star import free_endpoint, until_heard
 from command_runner import invoke
 
-from rmr.bus import wire
 from rmr.bus.middleware import open_router
 from rmr.bus.secret import make_secret, read_secret
 from rmr.bus.session import open_bus
@@ -56,15 +55,8 @@ def test_a_zenoh_router_with_the_configuration_joins_ours_and_lets_in_who_knows_
         (tmp_path / "router-b.json5").write_text(printed)
         theirs = zenoh.open(zenoh.Config.from_file(tmp_path / "router-b.json5"))
         one, two = open_bus(1, connect=first, secret=secret), open_bus(2, connect=second, secret=secret)
-        heard = []
-        two.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
-
-        def told():
-            one.publish("rmr/x/ops/1/status", wire.Stop("x"))
-            return heard
-
         try:
-            await until(told)
+            await until_heard(one, two)
         finally:
             for opened in (one, two, theirs, ours):
                 opened.close()
