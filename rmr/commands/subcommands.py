@@ -6,9 +6,9 @@ that is imported by its name, also those of packages that this one does not depe
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from typing import NamedTuple
 
 from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
@@ -67,8 +67,7 @@ FLEET_FUNCTION = "rmr_deploy.fleet:main"
 """Carries out all of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class OtherPackage:
+class OtherPackage(NamedTuple):
     """A subcommand of a package that this one does not depend on: `function` is ``module:name``."""
 
     function: str

@@ -12,19 +12,20 @@ argparse is used through its public interface. Three habits of it are replaced: 
 whole one; it takes a value that begins with a dash for an option; and it refuses positional words that stand on both
 sides of an option. So the words are put into one order before it parses them: `--name=value` for each option, then
 ``--``, then the positional words.
+
+What only help and wrong usage need is imported by them, so that all other commands start without it.
 """
+# ruff: noqa: PLC0415 - see above
 
 import argparse
 import math
+import os
 import re
-import shutil
 import sys
-import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rmr import __version__
 from rmr.entry import ExitCode
@@ -53,6 +54,8 @@ class Runnable(Protocol):
 
 def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     """Return the hint with the name in `known` that is nearest to `wrong`; empty if none is near."""
+    from difflib import get_close_matches
+
     names = list(known)
     near = [name for name in names if len(wrong) > 2 and name.startswith(wrong)] or get_close_matches(wrong, names, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""
@@ -64,11 +67,11 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, name: str, about: str, epilog: str = "") -> None:
         super().__init__(
             prog=name,
-            description=_wrapped(about),
-            epilog=_wrapped(epilog) or None,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=_columns() - 2),
             allow_abbrev=False,
         )
+        self._about = about
+        self._epilog = epilog
         self.names: dict[str, str] = {"-h": "--help", "--help": "--help", "--version": "--version"}
         """Every option as it may be written -> its long name."""
         self._metavars: dict[str, str] = {}
@@ -136,6 +139,12 @@ class Parser(argparse.ArgumentParser):
         )
         self._positional.append(usage if usage is not None else metavar)
 
+    def format_help(self) -> str:
+        """Return the help text, as wide as the terminal."""
+        self.description = _wrapped(self._about)
+        self.epilog = _wrapped(self._epilog) or None
+        return super().format_help()
+
     # --- parsing
 
     def read(self, words: Sequence[str]) -> argparse.Namespace:
@@ -198,8 +207,7 @@ class Parser(argparse.ArgumentParser):
         return f"{name}={value}"
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(NamedTuple):
     """One command."""
 
     about: str
@@ -227,8 +235,7 @@ class Command:
             return ExitCode.USAGE
 
 
-@dataclass(frozen=True, slots=True)
-class Subcommand:
+class Subcommand(NamedTuple):
     """A command of a group as the group's help lists it."""
 
     summary: str
@@ -236,8 +243,7 @@ class Subcommand:
     """Imports and returns the command."""
 
 
-@dataclass(frozen=True, slots=True)
-class CommandGroup:
+class CommandGroup(NamedTuple):
     """A command whose first word names one of several commands."""
 
     about: str
@@ -329,8 +335,21 @@ def _told(read: Read) -> Read:
     return told
 
 
+def _columns() -> int:
+    """Return the columns of the terminal as `shutil` does, which would bring along all that it archives with."""
+    told = os.environ.get("COLUMNS", "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
+    try:
+        return os.get_terminal_size(1).columns or 80
+    except OSError:
+        return 80
+
+
 def _wrapped(text: str) -> str:
     """Return `text` with its paragraphs wrapped to the terminal; indented lines and lists of commands stay."""
-    width = min(shutil.get_terminal_size().columns, WIDTH_MAX) - 2
+    import textwrap
+
+    width = min(_columns(), WIDTH_MAX) - 2
     paragraphs = text.split("\n\n")
     return "\n\n".join(each if "\n  " in each else textwrap.fill(" ".join(each.split()), width) for each in paragraphs)

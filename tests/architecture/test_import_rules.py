@@ -1,7 +1,10 @@
 """Imports run one way: `lang -> bytecode <- vm`; `coord`, `radio`, `vm` are siblings; `node` joins them."""
 
+import os
 import subprocess
 import sys
+from collections.abc import Container
+from tempfile import TemporaryDirectory
 
 import pytest
 from source_tree import PACKAGES, Module, modules, offenders, own_module, reachable
@@ -235,15 +238,60 @@ def test_a_robot_process_has_loaded_no_heavy_library():
     assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []
 
 
-def test_one_simulated_run_loads_neither_sweeps_nor_hunts_nor_durable_robots_nor_loads():
-    code = "import sys, rmr_sim.sim_command; print(*sys.modules, sep='\\n')"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+def loaded_by(words: list[str], ends_with: Container[int] = (0,)) -> set[str]:
+    """Return the modules that the command `rmr` has loaded when it ends, as sources."""
+    code = (
+        "import atexit, sys; from rmr.cli import main; atexit.register(lambda: print('loaded', *sys.modules)); main()"
+    )
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", code, *words]
+        ended = subprocess.run(
+            command, check=False, cwd=folder, capture_output=True, text=True, env=os.environ | {"RMR_COMPILED": ""}
+        )
+    assert ended.returncode in ends_with, ended.stderr
+    return set(ended.stdout.rpartition("loaded ")[2].split())
+
+
+def test_one_simulated_run_loads_nothing_that_only_other_runs_need():
+    loaded = loaded_by(["sim", "corridor", "--robots", "1", "--no-record"])
+    assert {"rmr_sim.simulation", "numpy", "yaml"} <= loaded  # it has run
     unwanted = (
         "rmr_sim.sweep",
         "rmr_sim.hunt.hunt_command",
         "rmr_sim.disk",
+        "rmr_sim.sim_recorder",
+        "rmr_lab",
+        "rmr_view",
+        "rmr_deploy",
         "rmr.mind.durable_node",
         "rmr.load.",
-        "multiprocessing",
+        "rmr.record.",
+        "rmr.bus.session",
+        "rmr.bus.wire",
+        "rmr.columns",
+        *("asyncio", "zenoh", "multiprocessing", "subprocess", "ssl"),
+        *("lark", "rich", "PIL", "matplotlib", "zstandard", "cryptography"),
+        "difflib",
     )
-    assert [name for name in loaded if name.startswith(unwanted)] == []
+    assert sorted(name for name in loaded if name.startswith(unwanted)) == []
+
+
+@pytest.mark.parametrize(
+    "words", [["--help"], ["sim", "--help"], ["check", "--help"], ["sim", "corridor", "--seed", "x"], ["up", "--help"]]
+)
+def test_help_and_wrong_usage_load_only_what_says_so(words):
+    unwanted = (
+        "numpy",
+        "yaml",
+        "rmr_world.lab",
+        "rmr.node",
+        "rmr.lang",
+        "asyncio",
+        "shutil",
+        "lzma",
+        "zenoh",
+        *HEAVY[:4],
+    )
+    loaded = loaded_by(words, ends_with={0, 2})
+    assert "rmr.entry.command_line" in loaded
+    assert sorted(name for name in loaded if name.startswith(unwanted)) == []

@@ -1,7 +1,7 @@
 """What `rmr sim LAB` does: a lab in virtual time, the same for the same seed; one run, or with `--seeds` many.
 
-Standard output is the report's alone: what users' own actions and events print goes to standard error. Sweeps and hunts
-are loaded only where one is asked for.
+Standard output is the report's alone: what users' own actions and events print goes to standard error. Sweeps, hunts
+and the recorder are loaded only where one is asked for.
 """
 # ruff: noqa: PLC0415 - see above
 
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from rmr.base.mistake import words
 from rmr.base.time import in_seconds
@@ -22,14 +22,11 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
-from rmr.record.record_writer import RecordWriter
-from rmr.record.recording import RUN_FILE
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import exit_code, row_of
-from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
 from rmr_sim.simulation import Simulation
 from rmr_world.faults import fault_lines
 from rmr_world.finding import LabError
@@ -40,6 +37,10 @@ from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
 from rmr_world.run_warnings import run_warnings
 
+if TYPE_CHECKING:
+    from rmr.record.record_writer import RecordWriter
+    from rmr_sim.sim_recorder import SimulationRecorder
+
 FAILURES_MAX = 5
 """Bound of the failed actions, and violations, that are printed: a program that retries does not fill the screen."""
 
@@ -47,7 +48,7 @@ FAILURES_MAX = 5
 class Viewer(Protocol):
     """Shows a run while it goes on (`rmr_view.sim_view`)."""
 
-    def attach(self, simulation: Simulation, writer: RecordWriter | None) -> None:
+    def attach(self, simulation: Simulation, writer: "RecordWriter | None") -> None:
         """Show a run that is about to begin; `writer` is its recording."""
 
     def interrupt(self) -> None:
@@ -186,11 +187,14 @@ def _end(simulation: Simulation, viewer: Viewer | None) -> None:
 
 def _prepared(
     arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, *, traced: bool
-) -> tuple[SimulationRecorder | None, Simulation]:
+) -> "tuple[SimulationRecorder | None, Simulation]":
     """Return the run, and its recording unless none is wanted."""
     level = TraceLevel.FACTS if traced else TraceLevel.NOTES
     if arguments.no_record:
         return None, loaded.simulation(arguments.seed, level)
+    from rmr.record.recording import RUN_FILE
+    from rmr_sim.sim_recorder import SimulationRecorder, simulation_writer
+
     writer = simulation_writer(loaded, arguments.seed, arguments.record or folder / RUN_FILE)
     try:
         simulation = loaded.simulation(arguments.seed, level, writer.mind)

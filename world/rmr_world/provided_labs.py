@@ -5,7 +5,6 @@ over a provided lab of the same name. Nothing heavy is imported, for the options
 """
 
 import os
-from difflib import get_close_matches
 from pathlib import Path
 
 LAB_FILE = "lab.yaml"
@@ -40,6 +39,8 @@ def existing_lab(text: str) -> Path:
 
 def missing(path: Path) -> str:
     """Return the message for a lab that is neither a path nor a provided lab."""
+    from difflib import get_close_matches  # noqa: PLC0415 - few names are misspelt
+
     names = list(provided_labs())
     near = get_close_matches(path.name, names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"provided labs are {', '.join(names)}"
