@@ -6,8 +6,8 @@ constant.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
+from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.heads import folds, inner, items
 from rmr.bytecode.opcodes import Op
@@ -37,7 +37,7 @@ LINEUP = "lineup"
 """The provided action that needs the queue of the area in its argument."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class AreaUse:
     """A constant of type `area` in the program or in a fact of the lab."""
 

@@ -6,8 +6,8 @@ share it; whether its slots are bound is checked at each use.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from rmr.base.record import record
 from rmr.bytecode.constants import Constants
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
@@ -22,7 +22,7 @@ JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
 """Instructions with a jump target."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Examined:
     """The properties of an expression."""
 

@@ -5,10 +5,11 @@ holds the byte-code once for all robots.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from typing import Any, Final
 
 from rmr.base import arena
+from rmr.base.record import record
 from rmr.bytecode.program import ANY, Anything, Constant
 from rmr.coord.timing import ClaimTiming, ElectionTiming, LivenessTiming, Order, ScheduleTiming, Timing
 from rmr.mind.fact_values import pack, unpack
@@ -27,7 +28,7 @@ _GROUPS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class UserAction:
     """A handler of a user, of which a replay knows no more."""
 
@@ -39,7 +40,7 @@ class UserAction:
     to_area: bool
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MindHeader:
     """One incarnation of one robot."""
 

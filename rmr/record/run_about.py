@@ -5,12 +5,13 @@ import platform
 import sys
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from typing import Final
 
 from rmr import __version__
 from rmr.base import time
 from rmr.base.ids import listed, spelled
+from rmr.base.record import record
 
 FORMAT: Final = "1"
 """Version of the channels and their messages. A reader refuses another one."""
@@ -38,7 +39,7 @@ class AboutError(ValueError):
     """The metadata is none of a recording of this version; the message says why."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RunAbout:
     """Lab, seed and robots of a run, and the software that recorded it."""
 

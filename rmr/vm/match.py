@@ -12,9 +12,9 @@ slots to compare with, slots to bind.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from rmr.base.record import record
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.conform import comparable
@@ -52,7 +52,7 @@ LOOKS_MAX = 1 << 20
 """Search budget: facts that one search may examine. A body of several atoms may have millions of combinations."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class AtomStep:
     """An atom, planned."""
 
@@ -70,14 +70,14 @@ class AtomStep:
     """Whether values of types that differ may meet: then they are compared strictly, for 1 == @1 == True in Python."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class GuardStep:
     """A condition."""
 
     code: Code
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class BindStep:
     """A variable that an expression binds."""
 
@@ -88,7 +88,7 @@ class BindStep:
     may be of another type (1 and 1.0)."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FoldStep:
     """A value that all matches of an inner body are reduced to."""
 

@@ -1,5 +1,6 @@
 """Imports run one way: `lang -> bytecode <- vm`; `coord`, `radio`, `vm` are siblings; `node` joins them."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -7,9 +8,10 @@ from collections.abc import Container
 from tempfile import TemporaryDirectory
 
 import pytest
-from source_tree import PACKAGES, Module, modules, offenders, own_module, reachable
+from source_tree import PACKAGES, ROOT, Module, modules, offenders, own_module, reachable
 
 import rmr
+from rmr.compiled.build import hot
 
 MAY_IMPORT: dict[str, set[str]] = {
     "rmr": {"rmr.compiled"},
@@ -295,3 +297,28 @@ def test_help_and_wrong_usage_load_only_what_says_so(words):
     loaded = loaded_by(words, ends_with={0, 2})
     assert "rmr.entry.command_line" in loaded
     assert sorted(name for name in loaded if name.startswith(unwanted)) == []
+
+
+def test_what_a_run_loads_defines_its_values_as_records():
+    """A dataclass takes sixteen times as long to define, at each start (`rmr.base.record`)."""
+    loaded = loaded_by(["sim", "corridor", "--robots", "1", "--no-record"]) - compiled_modules()
+    assert "rmr_world.bound" in loaded
+
+    def dataclasses(module: Module) -> set[str]:
+        return {node.name for node in module.nodes if isinstance(node, ast.ClassDef) and is_record_to_be(node)}
+
+    assert offenders(dataclasses, [module for module in modules() if module.name in loaded]) == {}
+
+
+def is_record_to_be(node: ast.ClassDef) -> bool:
+    """Return whether a class is a dataclass that `record` could make: frozen, with defaults that are constants."""
+    made = [ast.unparse(each) for each in node.decorator_list] == ["dataclass(frozen=True, slots=True)"]
+    computed = [each for each in node.body if isinstance(each, ast.AnnAssign) and isinstance(each.value, ast.Call)]
+    checked = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__post_init__"]
+    return made and not computed and not checked and not node.bases
+
+
+def compiled_modules() -> set[str]:
+    """Return the modules that `make fast` compiles: mypyc knows the classes of `dataclass` alone."""
+    paths = {ROOT / path for path in hot()}
+    return {module.name for module in modules() if module.path in paths}

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rmr.base.record import record
 from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
 from rmr.mind.mind_log import MindSink
@@ -35,7 +36,7 @@ from rmr_world.radio_key import radio_key
 from rmr_world.run_report import assemble
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Options:
     """The options of a run other than its seed."""
 

@@ -14,12 +14,13 @@ robot is the area that `finish` names or, if that names none, the one area that 
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
+from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr_world.free_flow import FreeFlow
@@ -32,7 +33,7 @@ DETOUR_M = 0.3
 """Tolerance for a path through both entrances: their exact points make it longer than the true path by at most this."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stream:
     """The free-flow times, in seconds, of the robots with one destination and one entrance."""
 
@@ -49,7 +50,7 @@ class Stream:
     """Time from the entrance to each place of the destination; empty without either."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class EntranceGroup:
     """The robots that enter the bottleneck by one entrance: a job family in the terms of scheduling."""
 
@@ -60,7 +61,7 @@ class EntranceGroup:
     """Shortest time from the entrance to a destination, seconds."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FreeTimes:
     """The free-flow times of a lab in seconds."""
 

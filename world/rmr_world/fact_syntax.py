@@ -7,9 +7,9 @@ read without its program; the predicate and the types of its arguments are check
 """
 
 import re
-from dataclasses import dataclass
 from typing import Any
 
+from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import ANY, Anything, Constant
 from rmr_world.random_facts import Range, StatedFact
@@ -22,7 +22,7 @@ class TermError(ValueError):
     """Syntax error in a fact; the message says where, and what was expected."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FinishPattern:
     """The pattern of the fact that every robot must hold for the run to be finished."""
 
@@ -36,7 +36,7 @@ class FinishPattern:
         return tuple(each.value if isinstance(each, Constant) else None for each in self.patterns)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Variable:
     name: str
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Pose
+from rmr.base.record import record
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
 from rmr.radio.links import Disturbance
@@ -26,7 +27,7 @@ KEYED = "enc-mic-64"
 """Security level of a radio for which only a key is given: safe against forgery, with 103 octets of payload left."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RobotStart:
     """A robot and where it starts."""
 
@@ -46,7 +47,7 @@ class RadioSettings:
     """A name of `rmr.radio.security.LEVELS`."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Localisation:
     """The ultrasonic localisation service; the beacons stand in the arena (paper V.B.1)."""
 
@@ -58,7 +59,7 @@ class Localisation:
     """Share of the pulses that a robot misses."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Kill:
     """A robot's process dies."""
 
@@ -66,7 +67,7 @@ class Kill:
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Restart:
     """A robot that was killed starts again, without memory."""
 
@@ -74,7 +75,7 @@ class Restart:
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stall:
     """A robot's process is stopped for a while."""
 
@@ -83,7 +84,7 @@ class Stall:
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Slow:
     """A robot's node is called once in `every` nanoseconds only, instead of in each tick of 1/60 s."""
 
@@ -93,7 +94,7 @@ class Slow:
     every: Duration
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Outage:
     """A robot receives no pulse of the localisation service for a while."""
 
@@ -106,7 +107,7 @@ Fault = Kill | Restart | Stall | Slow | Outage
 """A fault of one robot."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ProgramLoad:
     """Robots get a new program while they run."""
 
@@ -133,7 +134,7 @@ class Lab:
     """In the order of the file."""
     facts: tuple[str, ...] = ()
     radio: RadioSettings = RadioSettings()
-    localisation: Localisation = Localisation()
+    localisation: Localisation = field(default_factory=Localisation)
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""

@@ -5,11 +5,12 @@ this module; it carries byte-code only.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from rmr.base.errors import CompileError
 from rmr.base.errors import ProgramError as ProgramError  # noqa: PLC0414 - re-exported
+from rmr.base.record import record
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import SIZE_MAX
@@ -25,7 +26,7 @@ from rmr_world.near_miss import near_miss
 from rmr_world.validate.pipeline import run_findings
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoadedProgram:
     """A program that is ready to run."""
 

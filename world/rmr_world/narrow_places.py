@@ -13,7 +13,6 @@ wide place have no passages: nobody can wait for anybody there.
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
@@ -21,6 +20,7 @@ import numpy as np
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.record import record
 from rmr.node.motion.grid import DOOR_MARGIN_M, PATH_MARGIN_M
 from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
@@ -39,7 +39,7 @@ Cell = tuple[int, int]
 """Row and column."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class NarrowPassage:
     """A narrow section between two places at which robots can wait for each other."""
 
@@ -77,7 +77,7 @@ class NarrowPassage:
         return away_m <= reach_m and away_m < ends_m - LINE_M
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class NarrowZone:
     """A place where three narrow sections or more meet."""
 
@@ -88,7 +88,7 @@ class NarrowZone:
     """Metres."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class NarrowPlaces:
     """The narrow places of a floor."""
 

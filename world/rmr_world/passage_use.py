@@ -4,13 +4,13 @@ Known are the drives with which robots begin (`first_instant`): the `moveto` tha
 facts alone, and the job that it serves. Later drives depend on what robots sense and receive, and are not shown.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.motion_scale import scale_of
+from rmr.base.record import record
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
 from rmr.node.motion.keep_right import gated_route
@@ -27,7 +27,7 @@ SAMPLE_M = 0.02
 """Step along a route in the search for narrow places on it."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class NamedPassage:
     """A passage with turns: one that the lab file names, or of one that names none one that was found."""
 
@@ -42,7 +42,7 @@ class NamedPassage:
     found: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FirstDrive:
     """The first drive of a robot that knows at the start where it goes."""
 
@@ -67,7 +67,7 @@ class FirstDrive:
         return self.job is not None or not passage.by_event
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PassageUse:
     """A passage of the floor, named or found, and the drives that pass it."""
 

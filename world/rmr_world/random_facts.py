@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from random import Random
 
+from rmr.base.record import record
 from rmr.base.streams import stream
 from rmr.base.values import Value
 
@@ -56,7 +57,7 @@ class Range:
         return step if self.whole else step / STEPS_PER_UNIT
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class StatedFact:
     """An initial fact as the lab file states it."""
 
@@ -67,7 +68,7 @@ class StatedFact:
     """Without the owner."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LabFact:
     """An initial fact of a run, with its random numbers drawn."""
 

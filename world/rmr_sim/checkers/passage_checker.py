@@ -9,8 +9,7 @@
 - In one direction a robot follows the other by its headway, less the window in which either may enter.
 """
 
-from dataclasses import dataclass
-
+from rmr.base.record import record
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
@@ -24,7 +23,7 @@ NO_COUNTER = -1
 """Counter of the term of a robot that is inside without a slot."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Admitted:
     """One robot's passage."""
 
