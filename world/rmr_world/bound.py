@@ -23,7 +23,7 @@ from rmr.base.geometry import Point
 from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
-from rmr_world.free_flow import FreeFlow
+from rmr_world.free_flow import FreeFlow, free_flow
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.quorum import LIVING
 
@@ -109,7 +109,7 @@ def _areas(lab: Lab, values: Sequence[object]) -> list[Area]:
 def free_times(lab: Lab) -> FreeTimes:
     """Return the free-flow times of `lab`; infinite where there is no way."""
     arena = lab.arena
-    flow = FreeFlow(lab.arena)
+    flow = free_flow(lab.arena)
     goals = destinations(lab)
     speed = arena.shape.speed
     # Robots need not all pass the same one of several passages, nor one that was found: trips alone are the bound.

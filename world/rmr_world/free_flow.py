@@ -13,6 +13,7 @@ straight line is a lower bound, too.
 import heapq
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -74,19 +75,25 @@ class FreeFlow:
         """Centre and radius of a circle around each box."""
         self._corners = [corner for ring in self._rings for corner in _corners(ring) if self.free(corner.at)]
         self._links: list[list[tuple[int, float]]] | None = None
+        self._ways: dict[Point, list[float]] = {}
+        """Where paths began -> the length of the shortest path to each corner: a start has several goals."""
+        self._known: dict[tuple[Point, Point], float] = {}
+        """Start and goal -> the length of the shortest path, metres: several rules ask for the same."""
 
     def lengths(self, start: Point, goals: Sequence[Point]) -> list[float]:
         """Return the length in metres of the shortest path from `start` to each goal; infinite if there is none."""
-        to_corner = self._distances(start)
-        lengths = []
         for goal in goals:
-            least = math.dist(start, goal) if self._visible(start, goal) else math.inf
-            for corner, way in zip(self._corners, to_corner, strict=True):
-                length = way + math.dist(corner.at, goal)
-                if length < least and _passes(corner, goal) and self._visible(corner.at, goal):
-                    least = length
-            lengths.append(least)
-        return lengths
+            if (start, goal) not in self._known:
+                self._known[start, goal] = self._length(start, goal)
+        return [self._known[start, goal] for goal in goals]
+
+    def _length(self, start: Point, goal: Point) -> float:
+        least = math.dist(start, goal) if self._visible(start, goal) else math.inf
+        for corner, way in zip(self._corners, self._distances(start), strict=True):
+            length = way + math.dist(corner.at, goal)
+            if length < least and _passes(corner, goal) and self._visible(corner.at, goal):
+                least = length
+        return least
 
     def free(self, point: Point) -> bool:
         """Return whether a robot's centre may be at `point`."""
@@ -96,7 +103,12 @@ class FreeFlow:
         return self._visible(point, point)
 
     def _distances(self, start: Point) -> list[float]:
-        """Return the length of the shortest path from `start` to each corner (Dijkstra), metres."""
+        """Return the length of the shortest path from `start` to each corner, metres."""
+        if start not in self._ways:
+            self._ways[start] = self._dijkstra(start)
+        return self._ways[start]
+
+    def _dijkstra(self, start: Point) -> list[float]:
         links = self._graph()
         ways = [math.inf] * len(self._corners)
         heap = [
@@ -145,6 +157,12 @@ class FreeFlow:
                 self._in_the_way = int(k)
                 return False
         return True
+
+
+@lru_cache(maxsize=4)
+def free_flow(arena: Arena) -> FreeFlow:
+    """Return the shortest paths in `arena`, the same for all that ask for them."""
+    return FreeFlow(arena)
 
 
 def _tangents(corners: np.ndarray, i: int) -> list[int]:

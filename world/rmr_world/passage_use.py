@@ -16,12 +16,11 @@ from rmr.bytecode.program import Constant, Program, Serving, Slot
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.route import GATE_REACH_M, Route, make_route
 from rmr.vm.job import TimedJob
-from rmr.vm.machine import Machine
 from rmr.vm.machine_events import ActionDerived
 from rmr_world.finding import FilePath
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.narrow_places import NarrowPassage, NarrowPlaces, narrow_places
-from rmr_world.validate.first_instant import MOVETO, ROBOTS_MAX, machine_after_start
+from rmr_world.validate.first_instant import MOVETO, ROBOTS_MAX, FirstInstant, first_instants
 
 SAMPLE_M = 0.02
 """Step along a route in the search for narrow places on it."""
@@ -153,8 +152,8 @@ def _first_instants(lab: Lab, program: Program) -> tuple[tuple[FirstDrive | None
     """Return the first drive and the jobs of each robot after its first instant."""
     found = []
     for start in lab.robots[:ROBOTS_MAX]:
-        machine = machine_after_start(lab, program, start.id)
-        found.append((_first_drive(lab, program, start, machine), tuple(machine.jobs)))
+        instant = first_instants(lab, program).of(start.id)
+        found.append((_first_drive(lab, program, start, instant), instant.jobs))
     return tuple(found)
 
 
@@ -163,9 +162,9 @@ def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
     return any(each.holds(at) for each in found.passages)
 
 
-def _first_drive(lab: Lab, program: Program, start: RobotStart, machine: Machine) -> FirstDrive | None:
+def _first_drive(lab: Lab, program: Program, start: RobotStart, instant: FirstInstant) -> FirstDrive | None:
     moveto = program.index(MOVETO)
-    for event in machine.drain():
+    for event in instant.events:
         if not isinstance(event, ActionDerived) or event.predicate != moveto or event.executor != start.id:
             continue
         goal = lab.arena.area(str(event.args[0])) if event.args and isinstance(event.args[0], Symbol) else None
@@ -173,7 +172,7 @@ def _first_drive(lab: Lab, program: Program, start: RobotStart, machine: Machine
             return None
         here = Point(start.pose.x, start.pose.y)
         route = gated_route(lab.arena, here, goal.places[0], ())
-        job = next((job for job in machine.jobs if _serves(program, job, event.predicate, event.args)), None)
+        job = next((job for job in instant.jobs if _serves(program, job, event.predicate, event.args)), None)
         return None if route is None else FirstDrive(start.id, goal, route, job)
     return None
 

@@ -18,9 +18,9 @@ from rmr.vm.job import TimedJob
 from rmr_world.bound import approachable, bound_s, destinations
 from rmr_world.fact_syntax import TermError, parse_fact
 from rmr_world.finding import Finding
-from rmr_world.free_flow import FreeFlow
+from rmr_world.free_flow import FreeFlow, free_flow
 from rmr_world.lab import Lab, RobotStart
-from rmr_world.validate.first_instant import ROBOTS_MAX, largest_args, machine_after_start
+from rmr_world.validate.first_instant import ROBOTS_MAX, first_instants, largest_args
 
 AT = "at"
 """The fact that a robot states while it is in an area."""
@@ -40,7 +40,7 @@ def deadline_below_trip(lab: Lab, program: Program) -> Iterator[Finding]:
     trips_end_with = {AT} if lab.finish_pattern is None else {AT, lab.finish_pattern.name}
     if all(program.predicates[each.finish.predicate].name not in trips_end_with for each in program.assertions):
         return
-    flow = FreeFlow(lab.arena)
+    flow = free_flow(lab.arena)
     goals = destinations(lab)
     for start in lab.robots[:ROBOTS_MAX]:
         yield from _deadlines_of(lab, program, start, goals.get(start.id), flow)
@@ -53,7 +53,7 @@ CHECKS = (duration_below_bound, deadline_below_trip)
 def _deadlines_of(
     lab: Lab, program: Program, start: RobotStart, destination: Area | None, flow: FreeFlow
 ) -> Iterator[Finding]:
-    for job in machine_after_start(lab, program, start.id).jobs:
+    for job in first_instants(lab, program).of(start.id).jobs:
         goal = _goal_of(lab, job, destination)
         if goal is None or job.remote or job.finish is not None:
             continue
