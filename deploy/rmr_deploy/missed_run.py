@@ -10,11 +10,10 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import open_recording
-from rmr.why.delay_source import RecordedHistories, run_history
 from rmr.why.delay_text import delay_data, delay_text, delays_text, undelivered_data, undelivered_text
 from rmr.why.missed_jobs import FORM, asked_delay, missed_delays, undelivered
 from rmr.why.question import WhyError
-from rmr.why.replayed_histories import UnexplainableError
+from rmr.why.replayed_histories import RecordedHistories, UnexplainableError, run_history
 
 
 def explain_missed(

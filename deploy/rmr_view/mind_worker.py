@@ -134,15 +134,13 @@ def _why(path: Path, robot: int, question_text: str, t: float | None, options: W
 
 def _missed(path: Path, robot: int) -> dict[str, Any]:
     from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415 - the server does not need them
-    from rmr.why.delay_source import run_history  # noqa: PLC0415
     from rmr.why.delay_text import delay_data  # noqa: PLC0415
     from rmr.why.missed_jobs import missed_delays  # noqa: PLC0415
     from rmr.why.replayed_histories import UnexplainableError  # noqa: PLC0415
-    from rmr_view.mind_twins import opened  # noqa: PLC0415
 
     try:
-        with opened(path) as recording:
-            run = run_history(recording)
+        _, histories, _ = _pasts.get(path) or _opened(path)
+        run = histories.whole_run()
     except (RecordingError, UnexplainableError) as error:
         return {"refused": str(error), "status": 501}
     delays = [delay_data(delay) for delay in missed_delays(run) if delay.robot == robot]

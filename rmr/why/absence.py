@@ -10,14 +10,15 @@ there. What was never there is followed in the same way, down to a depth (negati
 from collections.abc import Iterator
 from typing import Final
 
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import Instant
 from rmr.bytecode.program import Kind
 from rmr.vm.derive import DerivedKind
 from rmr.vm.provenance import DeliveredCause, FiringCause
 from rmr.why.absence_tree import AbsenceAnswer, AbsenceNode
 from rmr.why.explain import DEPTH, SENSES, stages, withdrawn_text
-from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastSend
+from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
+from rmr.why.past_items import PastAction, PastFact, PastSend
 from rmr.why.question import Question
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
@@ -167,8 +168,9 @@ class AbsenceFinder:
                 fits = send.role is wanted and send.destination == asked.owner and send.predicate == asked.predicate
                 if not fits or send.at > self._now or not asked.matches(send.destination, send.args):
                     continue
-                cause = DeliveredCause(sender.robot, send.epoch, -1 if send.sequence is None else send.sequence)
-                if receiver is not None and receiver.arrived.get(cause, NEVER) <= self._now:
+                cause = None if send.key is None else DeliveredCause(sender.robot, *send.key[1:])
+                arrival = None if receiver is None or cause is None else receiver.arrived.get(cause)
+                if arrival is not None and arrival.at <= self._now:
                     continue
                 yield AbsenceNode("message", self._fate(sender, send))
 

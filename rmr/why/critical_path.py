@@ -11,28 +11,37 @@ on its way to the robot, else from what happened to it last.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import assert_never
 
 from rmr.base.time import Instant, milliseconds
-from rmr.bytecode.heads import inner
-from rmr.bytecode.program import Atom, Mode, Program
+from rmr.base.values import Robot
+from rmr.bytecode.program import Program
 from rmr.node.standstill import Motion, MotionState
+from rmr.node.trace import fact_text, rule_text
 from rmr.vm.job import TimedJob
 from rmr.vm.match import pattern_agrees
-from rmr.why.delay_owner import OWNER_OF, Interval, TimeOwner
-from rmr.why.interval_parts import absences, cut_at, merged, without
-from rmr.why.pending import failure_broadcast, newest_arrival, next_supplier, on_their_way
-from rmr.why.radio_time import Attempts, radio_time
-from rmr.why.robot_history import (
-    ActionSpan,
-    CauseKind,
-    Change,
-    DeliveryKey,
-    EventCause,
-    RobotHistory,
-    TimedFiring,
-    TurnGate,
+from rmr.vm.provenance import (
+    Cause,
+    DeliveredCause,
+    EffectCause,
+    FiringCause,
+    FiringRecord,
+    GivenCause,
+    HandlerCause,
+    MissedCause,
+    OutsideCause,
+    SensedCause,
+    StandsCause,
+    StepCause,
+    UndeliveredCause,
 )
+from rmr.why.delay import OWNER_OF, Delay, Interval, PathAction, TimeOwner, cut_at, merged, without
+from rmr.why.mind_index import MindIndex
+from rmr.why.past_items import PastAction, PastDelivery, PastFact, PastSend, TurnGate
+from rmr.why.pending import failure_broadcast, newest_arrival, next_supplier, on_its_way
+from rmr.why.radio_time import Attempts, radio_time
+from rmr.why.robot_history import RobotHistory
 from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
@@ -48,35 +57,6 @@ LINE_UP = "lineup"
 
 Step = Callable[[], "Step | None"]
 """One step back; returns the next one, or None where the path has no more."""
-
-
-class PathAction(NamedTuple):
-    """An action on the path."""
-
-    end: Instant
-    """When the path has left it: its end, or the end of the job's time."""
-    robot: int
-    text: str
-
-
-class Delay(NamedTuple):
-    """The explained time of one job."""
-
-    robot: int
-    job: TimedJob
-    end: Instant
-    """When the path begins: the finish, else the deadline, or the end of the run if that came first."""
-    learned: Instant | None
-    """When the robot knew of the finish; None: never."""
-    intervals: tuple[Interval, ...]
-    """From the start to `end`, in the order of time; none reaches across the deadline."""
-    actions: tuple[PathAction, ...] = ()
-    """The actions on the path, in the order of their ends."""
-
-    @property
-    def lateness(self) -> int | None:
-        """Nanoseconds from the deadline to the finish, negative if it was early; None: it never finished."""
-        return None if self.learned is None else self.end - self.job.deadline
 
 
 def explained(
@@ -147,8 +127,8 @@ class CriticalPath:
             coasts = WHEELS_GO_ON if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
             late = [(due, called) for due, called in history.late if called - due > coasts]
             parts = without(parts, late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
-            parts = without(parts, absences(history, stopped=False), TimeOwner.DEAD, robot, DIED)
-            parts = without(parts, absences(history, stopped=True), TimeOwner.STOPPED, robot, STOPPED)
+            parts = without(parts, history.absences(stopped=False), TimeOwner.DEAD, robot, DIED)
+            parts = without(parts, history.absences(stopped=True), TimeOwner.STOPPED, robot, STOPPED)
         self._found.extend(reversed(parts))
         self._cursor = since
 
@@ -160,28 +140,28 @@ class CriticalPath:
         for wait in reversed(waits_behind(self._histories, robot, gates, since, self._cursor)):
             self._cover(wait.begin, TimeOwner.TURN, robot, wait.whom, wait.detail)
 
-    def _cover_drive(self, since: Instant, robot: int, span: ActionSpan) -> None:
+    def _cover_drive(self, since: Instant, robot: int, drive: PastAction) -> None:
         """Give the time of a drive to what the wheels did."""
         history = self._histories[robot]
         for begin, _, state in reversed(history.motion_between(max(since, self._begin), self._cursor)):
-            self._cover_motion(begin, robot, span, state)
+            self._cover_motion(begin, robot, drive, state)
 
-    def _cover_motion(self, begin: Instant, robot: int, span: ActionSpan, state: MotionState) -> None:
+    def _cover_motion(self, begin: Instant, robot: int, drive: PastAction, state: MotionState) -> None:
         why = state.why
+        text = self._text(robot, drive)
         if state.motion is Motion.GATED:
-            self._cover_turn(begin, robot, span.gates)
+            self._cover_turn(begin, robot, drive.gates)
         elif state.motion is Motion.STANDS and why.rule == "queue":
-            self._cover(begin, TimeOwner.QUEUE, robot, why.robots, f"{why.rule}: {span.text}")
+            self._cover(begin, TimeOwner.QUEUE, robot, why.robots, f"{why.rule}: {text}")
         elif state.motion is Motion.STANDS:
             detail = f"{why.rule}: {why.place}" if why.place else why.rule
             self._cover(begin, TimeOwner.STANDING, robot, why.robots, detail)
         else:
-            owner = (
-                TimeOwner.QUEUE if span.name == LINE_UP and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
-            )
-            detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else span.text
+            lines_up = self._program.predicates[drive.predicate].name == LINE_UP
+            owner = TimeOwner.QUEUE if lines_up and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
+            detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else text
             if state.motion is Motion.LOCATES and why.place:
-                detail = f"{span.text}: {why.place}"
+                detail = f"{text}: {why.place}"
             self._cover(begin, owner, robot, (), detail)
 
     # -- the steps --------------------------------------------------------------------------------------------
@@ -194,154 +174,181 @@ class CriticalPath:
         if not job.remote:
             return self._finish_fact(history, job, job.finish)
         source = int(job.finisher)
-        key = newest_arrival(history, source, learned)
-        if key is None:
+        cause = newest_arrival(history, source, learned)
+        if cause is None:
             return lambda: self._outside(robot, f"{job.text} of robot {source}", (source,))
-        return lambda: self._delivery(robot, key)
+        return lambda: self._delivery(robot, cause)
 
     def _finish_fact(self, history: RobotHistory, job: TimedJob, finish: Instant) -> Step:
-        robot = history.robot
-        finishing = [c for c in history.changes if c.came and c.at == finish and self._ends(job, c)]
-        if finishing:
-            return lambda: self._change(robot, finishing[0])
-        return lambda: self._outside(robot, job.text)
-
-    def _ends(self, job: TimedJob, change: Change) -> bool:
-        """Return whether a fact is the finish fact of a job, in which `_` may stand."""
-        if job.assertion < 0:
-            return change.text.lstrip("!") == job.text
         pattern = self._program.assertions[job.assertion].finish
-        return change.predicate == pattern.predicate and pattern_agrees(pattern.args, change.args, job.bindings)
+        for mind in history.minds:
+            for fact in mind.by_predicate[pattern.predicate]:
+                if fact.at == finish and pattern_agrees(pattern.args, fact.args, job.bindings):
+                    return partial(self._change, mind, fact)
+        return lambda: self._outside(history.robot, job.text)
 
-    def _change(self, robot: int, change: Change) -> Step | None:
-        """From a fact to what inserted it."""
-        self._cover(change.at, TimeOwner.RULE, robot, (), f"after {change.text}")
-        cause = change.cause
-        if cause.kind == CauseKind.SENSED:
-            return self._sensed(robot, change)
-        return self._because(robot, cause, change.text)
+    def _text(self, robot: int, item: PastFact | PastAction) -> str:
+        return fact_text(self._program, item.predicate, robot, item.args)
 
-    def _because(self, robot: int, cause: EventCause, what: str) -> Step | None:
-        history = self._histories[robot]
-        if cause.kind == CauseKind.FIRING:
-            return lambda: self._firing(robot, history.firings[cause.number])
-        if cause.kind == CauseKind.ACTION:
-            return lambda: self._action(robot, history.actions[cause.number])
-        if cause.kind == CauseKind.DELIVERY and cause.key is not None:
-            key = cause.key
-            return lambda: self._delivery(robot, key)
-        if cause.kind == CauseKind.SENT and cause.key is not None:
-            key = cause.key
-            return lambda: self._settled(robot, key)
-        if cause.kind == CauseKind.MISSED:
-            start = history.changes[cause.number].at if cause.number >= 0 else self._begin
-            self._cover(start, TimeOwner.RULE, robot, (), f"until a deadline had passed, for {what}")
-        if cause.number >= 0:
-            return lambda: self._change(robot, history.changes[cause.number])
-        return self._outside(robot, what)
+    def _change(self, mind: MindIndex, fact: PastFact, *, gone: bool = False) -> Step | None:
+        """From a fact to what inserted it, or from its removal to what removed it."""
+        robot = mind.robot
+        text = self._text(robot, fact)
+        at, place, cause = fact.at, fact.place, fact.cause
+        if gone and fact.removal is not None:
+            at, place, cause = fact.until, fact.removed_place, fact.removal
+        self._cover(at, TimeOwner.RULE, robot, (), f"after {text}")
+        if isinstance(cause, SensedCause):
+            return self._sensed(mind, fact, at, place)
+        return self._because(mind, cause, place, text)
+
+    def _because(self, mind: MindIndex, cause: Cause, place: int, what: str) -> Step | None:
+        """From something that happened at a place among the records to its cause."""
+        match cause:
+            case FiringCause(number):
+                return partial(self._firing, mind, mind.firings[number])
+            case DeliveredCause():
+                return partial(self._delivery, mind.robot, cause)
+            case EffectCause(action=serial) | StepCause(action=serial) | HandlerCause(action=serial):
+                action = mind.actions.get(serial)
+                if action is not None and action.executor == mind.robot:
+                    return partial(self._action, mind, action)
+                news = OutsideCause() if isinstance(cause, HandlerCause) else cause.news
+                return self._because(mind, news, place, what)
+            case StandsCause(sent):
+                return partial(self._settled, mind, mind.deliveries[sent])
+            case UndeliveredCause():
+                lost = mind.undelivered(cause, self._cursor)
+                if lost is None:
+                    return self._outside(mind.robot, what)
+                if isinstance(lost, PastSend) and lost.key is None:
+                    return self._because(mind, lost.cause, lost.place, what)
+                return partial(self._settled, mind, lost)
+            case MissedCause(job):
+                start = mind.start_of(job, place)
+                since = self._begin if start is None else start.at
+                self._cover(since, TimeOwner.RULE, mind.robot, (), f"until a deadline had passed, for {what}")
+                return self._outside(mind.robot, what) if start is None else partial(self._change, mind, start)
+            case SensedCause() | GivenCause() | OutsideCause():
+                return self._outside(mind.robot, what)
+            case _:
+                assert_never(cause)
 
     def _outside(self, robot: int, what: str, whom: tuple[int, ...] = ()) -> Step | None:
         """Nobody has derived it: from the beginning of the process's life on; before that, what its last life did."""
-        history = self._histories[robot]
-        lives = [number for number, (begin, _) in enumerate(history.lives) if number and begin <= self._cursor]
-        if lives and history.lives[lives[-1]][0] > self._begin:
-            born = history.lives[lives[-1]][0]
-            died = history.lives[lives[-1] - 1][1]
-            self._cover(born, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
-            owner, detail = (TimeOwner.STOPPED, STOPPED) if died in history.stops else (TimeOwner.DEAD, DIED)
-            self._cover(died, owner, robot, (), detail)
+        minds = self._histories[robot].minds
+        lives = [number for number, mind in enumerate(minds) if number and mind.begins <= self._cursor]
+        if lives and minds[lives[-1]].begins > self._begin:
+            last = minds[lives[-1] - 1]
+            self._cover(minds[lives[-1]].begins, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
+            owner, detail = (TimeOwner.STOPPED, STOPPED) if last.stopped else (TimeOwner.DEAD, DIED)
+            self._cover(last.died, owner, robot, (), detail)
             return lambda: self._stuck(robot)
         self._cover(self._begin, TimeOwner.OUTSIDE, robot, whom, f"until {what} came")
         return None
 
-    def _sensed(self, robot: int, change: Change) -> Step | None:
+    def _sensed(self, mind: MindIndex, fact: PastFact, at: Instant, place: int) -> Step | None:
         """From a sensed fact to the drive that brought it about."""
-        history = self._histories[robot]
-        name = self._program.predicates[change.predicate].name
+        name = self._program.predicates[fact.predicate].name
         if name == "turn":
-            return self._turn(robot, change)
-        if name == "failed" and (broadcast := failure_broadcast(self._histories, change)) is not None:
-            return lambda: self._action(*broadcast)
-        for span in reversed(history.actions):
-            started = span.started
-            if span.wheels and started is not None and span.order < change.order and started <= change.at <= span.ended:
-                return lambda: self._action(robot, span)
-        return self._outside(robot, change.text)
+            return self._turn(mind, fact)
+        source = fact.args[0] if name == "failed" else None
+        if isinstance(source, Robot) and source in self._histories:
+            broadcast = failure_broadcast(self._histories[source].minds, fact)
+            if broadcast is not None:
+                return partial(self._action, *broadcast)
+        for action in reversed(mind.own_actions):
+            begun = action.begun if action.predicate in mind.wheels and action.place < place else None
+            if begun is not None and begun <= at <= mind.ended(action):
+                return partial(self._action, mind, action)
+        return self._outside(mind.robot, self._text(mind.robot, fact))
 
-    def _turn(self, robot: int, change: Change) -> Step | None:
+    def _turn(self, mind: MindIndex, turn: PastFact) -> Step | None:
         """From a fact ``turn`` to what started the job that has asked for it."""
-        changes = self._histories[robot].changes
-        asked = [changes[start] for name, start in self._histories[robot].starts if name == change.args[0]]
-        start = next((each for each in reversed(asked) if each.at <= change.at), None)
-        self._cover_turn(self._begin if start is None else start.at, robot, ())
-        return None if start is None else lambda: self._change(robot, start)
+        start = mind.asked_for(turn)
+        self._cover_turn(self._begin if start is None else start.at, mind.robot, ())
+        return None if start is None else partial(self._change, mind, start)
 
-    def _firing(self, robot: int, firing: TimedFiring) -> Step | None:
+    def _firing(self, mind: MindIndex, firing: FiringRecord) -> Step | None:
         """From a firing to the newest fact that its rule needed."""
-        self._cover(firing.at, TimeOwner.RULE, robot, (), f"after the rule at {firing.text}")
-        premise = self._newest_premise(self._histories[robot], firing)
+        robot = mind.robot
+        rule = rule_text(self._program, firing.rule)
+        self._cover(firing.at, TimeOwner.RULE, robot, (), f"after the rule at {rule}")
+        premise = mind.newest_premise(firing)
         if premise is None:
-            self._cover(self._begin, TimeOwner.RULE, robot, (), f"until the rule at {firing.text} fired")
+            self._cover(self._begin, TimeOwner.RULE, robot, (), f"until the rule at {rule} fired")
             return None
-        self._cover(
-            premise.at, TimeOwner.RULE, robot, (), f"until the rule at {firing.text} fired, after {premise.text}"
-        )
-        return lambda: self._change(robot, premise)
+        fact, gone = premise
+        words = f"until the rule at {rule} fired, after {self._text(robot, fact)}"
+        self._cover(fact.until if gone else fact.at, TimeOwner.RULE, robot, (), words)
+        return partial(self._change, mind, fact, gone=gone)
 
-    def _newest_premise(self, history: RobotHistory, firing: TimedFiring) -> Change | None:
-        """Return the newest fact that the rule has matched, or the newest removal of one that must not hold."""
-        matched = [history.changes[index] for index in firing.premises]
-        body = self._program.rules[firing.rule].body
-        absent = frozenset(each.predicate for each in body if isinstance(each, Atom) and each.mode is Mode.ABSENT)
-        gone = history.newest(firing.at, firing.order, lambda c: not c.came and c.predicate in absent)
-        return max([*matched, *([] if gone is None else [gone])], key=lambda c: (c.at, c.order), default=None)
-
-    def _action(self, robot: int, span: ActionSpan) -> Step | None:
+    def _action(self, mind: MindIndex, action: PastAction) -> Step | None:
         """From an action's end over its run and its waits to what derived it."""
-        self._actions.append(PathAction(self._cursor, robot, span.text))
-        if span.started is not None:
-            if span.wheels:
-                self._cover_drive(span.started, robot, span)
-            self._cover(span.started, TimeOwner.ACTION, robot, (), span.text)
-        for since, what in reversed(span.waits):
+        robot = mind.robot
+        text = self._text(robot, action)
+        self._actions.append(PathAction(self._cursor, robot, text))
+        if action.begun is not None:
+            if action.predicate in mind.wheels:
+                self._cover_drive(action.begun, robot, action)
+            self._cover(action.begun, TimeOwner.ACTION, robot, (), text)
+        for since, what in reversed(action.waits):
             if what == "held":
-                self._cover_turn(since, robot, span.gates)
+                self._cover_turn(since, robot, action.gates)
             else:
-                self._wheels_taken(since, robot, span)
-        self._cover(span.derived, TimeOwner.ACTION, robot, (), span.text)
-        return self._because(robot, span.cause, span.text)
+                self._wheels_taken(since, robot, action)
+        self._cover(action.at, TimeOwner.ACTION, robot, (), text)
+        return self._because(mind, action.cause, action.place, text)
 
-    def _wheels_taken(self, since: Instant, robot: int, span: ActionSpan) -> None:
+    def _wheels_taken(self, since: Instant, robot: int, action: PastAction) -> None:
         """Give the time in which an action waited for the wheels to those that had them."""
-        for other in reversed(self._histories[robot].actions):
-            started = other.started
-            if other is not span and other.wheels and started is not None and started < self._cursor <= other.ended:
-                self._cover_drive(max(since, started), robot, other)
-        self._cover(since, TimeOwner.ACTION, robot, (), f"{span.text} waited for the wheels")
+        for mind, other in self._histories[robot].actions():
+            begun = other.begun if other is not action and other.predicate in mind.wheels else None
+            if begun is not None and begun < self._cursor <= mind.ended(other):
+                self._cover_drive(max(since, begun), robot, other)
+        self._cover(since, TimeOwner.ACTION, robot, (), f"{self._text(robot, action)} waited for the wheels")
 
-    def _delivery(self, robot: int, key: DeliveryKey) -> Step | None:
+    def _delivery(self, robot: int, cause: DeliveredCause) -> Step | None:
         """From the arrival of a delivery over the radio to what its sender did."""
-        source = key[0]
-        history = self._histories.get(source)
-        span = None if history is None else history.sent.get(key)
-        arrival = self._histories[robot].received.get(key)
+        history = self._histories.get(cause.source)
+        sent = None if history is None else history.sent(cause, robot)
+        arrival = self._histories[robot].arrival(cause)
         if arrival is not None:
-            self._cover(arrival[0], TimeOwner.RULE, robot, (), "after a delivery")
-        if span is None:
-            return self._outside(robot, f"what robot {source} had sent", (source,))
-        for part in reversed(radio_time(span, self._cursor, self._attempts)):
-            who = robot if part.owner is TimeOwner.LATE_TICK else source
-            self._cover(part.begin, part.owner, who, (robot + source - who,), span.text)
-        return self._because(source, span.cause, span.text)
+            self._cover(arrival.at, TimeOwner.RULE, robot, (), "after a delivery")
+        if sent is None:
+            return self._outside(robot, f"what robot {cause.source} had sent", (cause.source,))
+        return self._on_its_way(robot, *sent)
 
-    def _settled(self, robot: int, key: DeliveryKey) -> Step | None:
+    def _on_its_way(self, robot: int, mind: MindIndex, sent: PastDelivery) -> Step | None:
+        """From a delivery on its way to a robot to what its sender did."""
+        source = mind.robot
+        for part in reversed(radio_time(source, sent, self._cursor, self._attempts)):
+            who = robot if part.owner is TimeOwner.LATE_TICK else source
+            self._cover(part.begin, part.owner, who, (robot + source - who,), sent.text)
+        return self._sent_for(mind, sent)
+
+    def _settled(self, mind: MindIndex, sent: PastDelivery) -> Step | None:
         """From the news that a delivery of the robot's own was acknowledged or given up to what it was sent for."""
-        span = self._histories[robot].sent[key]
-        for part in reversed(radio_time(span, self._cursor, self._attempts)):
+        assert sent.key is not None
+        for part in reversed(radio_time(mind.robot, sent, self._cursor, self._attempts)):
             # After its last frame the robot waited for the acknowledgement.
             owner = TimeOwner.REPEATS if part.owner is TimeOwner.LATE_TICK else part.owner
-            self._cover(part.begin, owner, robot, (key[1],), span.text)
-        return self._because(robot, span.cause, span.text)
+            self._cover(part.begin, owner, mind.robot, (sent.key.destination,), sent.text)
+        return self._sent_for(mind, sent)
+
+    def _sent_for(self, mind: MindIndex, sent: PastDelivery) -> Step | None:
+        """From the beginning of a delivery to the cause of the item that was sent, or to that of which it is news."""
+        if isinstance(sent, PastSend):
+            return self._because(mind, sent.cause, sent.place, sent.text)
+        match sent.news:
+            case PastFact():
+                return partial(self._change, mind, sent.news)
+            case PastAction():
+                return partial(self._action, mind, sent.news)
+            case None:
+                return self._outside(mind.robot, sent.text)
+            case _:
+                assert_never(sent.news)
 
     # -- jobs that have not finished ----------------------------------------------------------------------------
 
@@ -350,15 +357,17 @@ class CriticalPath:
         history = self._histories[robot]
         at = self._cursor
         # What a deadline that has just passed brought about is no reason for it.
-        before = [span for span in history.actions if span.cause.kind != CauseKind.MISSED or span.derived < at]
-        active = [span for span in before if span.derived <= at < span.ended]
+        active = [
+            (mind, action)
+            for mind, action in history.actions()
+            if action.at <= at < mind.ended(action) and not (isinstance(action.cause, MissedCause) and action.at == at)
+        ]
         if active:
-            drives = [span for span in active if span.wheels or span.gates]
-            chosen = (drives or active)[-1]
-            return lambda: self._action(robot, chosen)
-        under_way = on_their_way(self._histories, robot, at)
-        if under_way:
-            return lambda: self._delivery(robot, under_way[0])
+            drives = [(mind, action) for mind, action in active if action.predicate in mind.wheels or action.gates]
+            return partial(self._action, *(drives or active)[0])
+        under_way = on_its_way(self._histories, robot, at)
+        if under_way is not None:
+            return partial(self._on_its_way, robot, *under_way)
         supplier = next_supplier(self._histories, robot, at, self._asked)
         if supplier is not None:
             self._asked.add(robot)
@@ -369,26 +378,22 @@ class CriticalPath:
         """Return the step back to what happened last at a robot that has nothing under way."""
         at = self._cursor
         robot = history.robot
-        over = [span for span in history.actions if span.ended <= at and span.derived < at]
-        newest = max(over, key=lambda span: (span.ended, span.order), default=None)
-        fired = [firing for firing in history.firings if firing.at <= at]
+        actions = [(mind.ended(each), each.place, mind, each) for mind, each in history.actions() if each.at < at]
+        over = max((each for each in actions if each[0] <= at), key=lambda each: each[:2], default=None)
+        firings = ((mind, firing) for mind in reversed(history.minds) for firing in reversed(mind.firings.values()))
+        fired = next(((mind, firing) for mind, firing in firings if firing.at <= at), None)
         # Of one instant: a firing behind an action's end follows from it.
-        if newest is not None and (not fired or (newest.ended, newest.order) > (fired[-1].at, fired[-1].order)):
-            end = "had ended" if newest.failure is None else f"had failed: {newest.failure}"
-            self._cover(newest.ended, TimeOwner.RULE, robot, (), f"no rule fired after {newest.text} {end}")
-            return lambda: self._action(robot, newest)
-        if fired:
-            firing = fired[-1]
-            nothing = ", which found nothing" if self._found_nothing(history, len(fired) - 1) else ""
-            self._cover(firing.at, TimeOwner.RULE, robot, (), f"no rule fired after the one at {firing.text}{nothing}")
-            return lambda: self._firing(robot, firing)
+        if over is not None and (fired is None or over[:2] > (fired[1].at, fired[0].firing_places[fired[1].number])):
+            ended, _, mind, action = over
+            end = "had ended" if action.failure is None else f"had failed: {action.failure}"
+            words = f"no rule fired after {self._text(robot, action)} {end}"
+            self._cover(ended, TimeOwner.RULE, robot, (), words)
+            return partial(self._action, mind, action)
+        if fired is not None:
+            mind, firing = fired
+            nothing = ", which found nothing" if mind.found_nothing(firing) else ""
+            words = f"no rule fired after the one at {rule_text(self._program, firing.rule)}{nothing}"
+            self._cover(firing.at, TimeOwner.RULE, robot, (), words)
+            return partial(self._firing, mind, firing)
         self._cover(self._begin, TimeOwner.RULE, robot, (), "no rule fired")
         return None
-
-    def _found_nothing(self, history: RobotHistory, number: int) -> bool:
-        """Return whether a firing has derived nothing, by a rule whose head looks for facts."""
-        if not any(inner(self._program.rules[history.firings[number].rule].head)):
-            return False
-        causes = [change.cause for change in history.changes if change.came]
-        causes += [span.cause for span in history.actions] + [span.cause for span in history.sent.values()]
-        return EventCause(CauseKind.FIRING, number) not in causes

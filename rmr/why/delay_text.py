@@ -4,9 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, in_seconds
-from rmr.why.critical_path import Delay
-from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.delay_steps import steps_of
+from rmr.why.delay import Delay, Interval, TimeOwner, steps_of
 from rmr.why.robot_history import LostDelivery
 
 LARGEST: Final = 3

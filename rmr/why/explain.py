@@ -23,15 +23,15 @@ from rmr.vm.provenance import (
     MissedCause,
     OutsideCause,
     SensedCause,
-    SentKey,
     StandsCause,
     StepCause,
     UndeliveredCause,
 )
 from rmr.vm.ranks import PENDING, rank_text, reading
-from rmr.why.mind_index import EndedGoal, MindIndex, PastAction, PastFact, PastGoal, PastItem, PastSend
+from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
-from rmr.why.pending import BROADCAST
+from rmr.why.past_items import EndedGoal, PastAction, PastFact, PastGoal, PastItem, PastSend
+from rmr.why.pending import failure_broadcast
 from rmr.why.rule_words import conjunct_text, item_text, rule_name, rule_place_of, seconds_text
 from rmr.why.why_tree import RuleFiring, WhyNode
 
@@ -164,8 +164,10 @@ class Explainer:
                 return self._delivered(mind, item, cause)
             case UndeliveredCause():
                 return self._undelivered(mind, item, cause)
-            case StandsCause(sent):
-                return Because("message", f"@{sent.destination} has acknowledged the decision", _of_sent(mind, sent))
+            case StandsCause(key):
+                sent = mind.deliveries.get(key)
+                premises = [Premise(mind, sent)] if isinstance(sent, PastSend) else []
+                return Because("message", f"@{key.destination} has acknowledged the decision", premises)
             case MissedCause(job):
                 return self._missed(mind, item, job)
             case EffectCause() | StepCause() | HandlerCause():
@@ -218,23 +220,14 @@ class Explainer:
         if schedule is not None:
             order = ", ".join(f"@{robot}" for robot in schedule.order)
             words += f" of leader @{schedule.leader} (term {schedule.term}): {order}"
-        starts = [
-            start
-            for each in mind.jobs.values()
-            for start in each.starts
-            if each.job is not None and each.job.name == item.args[0] and start[0] <= item.at
-        ]
-        return Because("sensed", words, [Premise(mind, mind.facts[fact]) for _, fact in starts[-1:]])
+        start = mind.asked_for(item)
+        return Because("sensed", words, [] if start is None else [Premise(mind, start)])
 
     def _failure(self, item: PastFact, words: str) -> Because:
         source = item.args[0]
         assert isinstance(source, Robot)
-        for mind in reversed(self._past.minds(source)):
-            for action in reversed(mind.actions.values()):
-                name = self._program.predicates[action.predicate].name
-                if name == BROADCAST and action.begun is not None and action.begun <= item.at:
-                    return Because("sensed", f"{words} of @{int(source)}", [Premise(mind, action)])
-        return Because("sensed", f"{words} of @{int(source)}", [])
+        broadcast = failure_broadcast(self._past.minds(source), item)
+        return Because("sensed", f"{words} of @{int(source)}", [] if broadcast is None else [Premise(*broadcast)])
 
     def _delivered(self, mind: MindIndex, item: PastItem, cause: DeliveredCause) -> Because:
         found = self._past.sender(cause, mind.robot, item.at)
@@ -245,21 +238,15 @@ class Explainer:
 
     def _undelivered(self, mind: MindIndex, item: PastItem, cause: UndeliveredCause) -> Because:
         words = f"a message to @{cause.destination} was given up"
-        if cause.sent is not None:
-            return Because("undelivered", words, _of_sent(mind, cause.sent))
-        for send in reversed(mind.sends):
-            given_up = send.given_up is not None and send.given_up <= item.at
-            name = self._program.predicates[send.predicate].name
-            if given_up and send.destination == cause.destination and name == cause.name:
-                return Because("undelivered", words, [Premise(mind, send)])
-        return Because("undelivered", words, [])
+        lost = mind.undelivered(cause, item.at)
+        return Because("undelivered", words, [Premise(mind, lost)] if isinstance(lost, PastSend) else [])
 
     def _missed(self, mind: MindIndex, item: PastItem, serial: int) -> Because:
         known = mind.jobs.get(serial)
         if known is None or known.job is None:
             return Because("deadline", "a deadline was missed", [])
-        starts = [fact for at, fact in known.starts if at <= item.at]
-        premises = [Premise(mind, mind.facts[starts[-1]])] if starts else []
+        start = mind.start_of(serial, item.place)
+        premises = [] if start is None else [Premise(mind, start)]
         return Because("deadline", f"the deadline of {known.job.name} was missed", premises)
 
     # -- firings ------------------------------------------------------------------------------------------------------
@@ -319,12 +306,6 @@ class Explainer:
                 if any(each in backwards.distances(predicate) for each in brought)
             ]
         )
-
-
-def _of_sent(mind: MindIndex, sent: SentKey) -> list[Premise]:
-    """Return the message of the robot's own that was sent under a number, if it was one of the program's."""
-    send = mind.sent(sent.destination, sent.sequence)
-    return [] if send is None else [Premise(mind, send)]
 
 
 def _distance(rank: int) -> str:

@@ -1,27 +1,35 @@
-"""The provenance log of one incarnation, joined and indexed: facts with the time for which they held, and so on.
+"""What one incarnation of a robot did: its provenance log, joined and indexed.
 
-An item is whatever an explanation can name: a fact, an action, a goal, a message. Items are numbered in the order in
-which they came, over all incarnations of a robot, so that a number means the same in every answer.
+What a log does not tell (which turn an action waits for, the end of the process) is added by a listener, which looks at
+the node of a replay.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass, field
 
 from rmr.base.time import NEVER, Instant
-from rmr.bytecode.program import ANY, Constant, Pattern, Program
+from rmr.bytecode.heads import inner
+from rmr.bytecode.program import ANY, Atom, Constant, Mode, Pattern, Program
 from rmr.coord.events import ScheduleChanged, SlotAssigned
+from rmr.node import payloads
 from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
-from rmr.vm.derive import Chain, DerivedKind
+from rmr.node.payloads import PayloadKind, WireError
+from rmr.node.ports import Spoken
 from rmr.vm.evaluate import same
-from rmr.vm.job import TimedJob
-from rmr.vm.machine_events import ActionCancelled, GoalAchieved, GoalWithdrawn, JobStarted
+from rmr.vm.machine_events import (
+    ActionCancelled,
+    FinishSeen,
+    GoalAchieved,
+    GoalWithdrawn,
+    JobFinished,
+    JobMissed,
+    JobStarted,
+)
 from rmr.vm.provenance import (
     SENSED,
     ActionRecord,
     ActionStage,
-    Args,
-    Cause,
     DeliveredCause,
+    FiringCause,
     FiringRecord,
     GoalRecord,
     InsertionRecord,
@@ -31,128 +39,46 @@ from rmr.vm.provenance import (
     RemovalRecord,
     SendingRecord,
     SendRecord,
+    SentKey,
     ToldRecord,
+    UndeliveredCause,
 )
-from rmr.why.mind_history import MindHistory
-
-
-@dataclass(slots=True, eq=False)
-class PastFact:
-    """A fact of the robot, from its insertion to its removal."""
-
-    number: int
-    serial: int
-    predicate: int
-    args: Args
-    at: Instant
-    cause: Cause
-    until: Instant = NEVER
-    """When it was removed; NEVER: it holds."""
-    removal: Cause | None = None
-    place: int = 0
-    """Of its insertion among the records."""
-    removed_place: int = 1 << 62
-
-    def held_at(self, now: Instant) -> bool:
-        """Return whether it held after all that happened at `now`."""
-        return self.at <= now < self.until
-
-
-EndedGoal = tuple[int, tuple[object, ...]]
-"""Predicate and arguments (values, or ANY) of a goal that is no longer open."""
-
-
-@dataclass(slots=True, eq=False)
-class PastAction:
-    """An action that the robot executes, or whose end it awaits."""
-
-    number: int
-    serial: int
-    predicate: int
-    executor: int
-    args: Args
-    at: Instant
-    cause: Cause
-    then: Chain
-    held: Instant | None = None
-    """Since when it waited for its turn; None: it never did."""
-    group: str = ""
-    begun: Instant | None = None
-    ended: Instant | None = None
-    failure: str | None = None
-    cancelled_with: EndedGoal | None = None
-    """The goal whose achievement or withdrawal ended it."""
-
-    def under_way_at(self, now: Instant) -> bool:
-        """Return whether it had begun and not ended before `now`."""
-        return self.begun is not None and self.begun <= now and (self.ended is None or self.ended >= now)
-
-
-@dataclass(slots=True, eq=False)
-class PastSend:
-    """A fact, goal or action that was sent to another robot."""
-
-    number: int
-    role: DerivedKind
-    destination: int
-    predicate: int
-    args: Args
-    at: Instant
-    cause: Cause
-    epoch: int
-    """The sender's, as in its frames."""
-    sequence: int | None = None
-    """None: it never left."""
-    repeated: list[Instant] = field(default_factory=list)
-    acknowledged: Instant | None = None
-    given_up: Instant | None = None
-    why: str = ""
-
-
-@dataclass(slots=True, eq=False)
-class PastGoal:
-    """A goal of the robot."""
-
-    number: int
-    predicate: int
-    args: tuple[Pattern, ...]
-    at: Instant
-    cause: Cause
-    achieved: Instant | None = None
-    withdrawn: Instant | None = None
-    served: EndedGoal | None = None
-    """Of a sub-goal that ended: the goal whose achievement or withdrawal ended it."""
-
-
-PastItem = PastFact | PastAction | PastSend | PastGoal
-
-
-@dataclass(slots=True, eq=False)
-class PastJob:
-    """A job of a time assertion, as of its last start."""
-
-    job: TimedJob | None = None
-    starts: list[tuple[Instant, int]] = field(default_factory=list)
-    """Instant and start fact of each start."""
+from rmr.why.past_items import (
+    PastAction,
+    PastArrival,
+    PastDelivery,
+    PastFact,
+    PastGoal,
+    PastItem,
+    PastJob,
+    PastSend,
+)
 
 
 class MindIndex:
     """One incarnation of a robot."""
 
-    def __init__(self, history: MindHistory, program: Program, first_number: int = 1) -> None:
-        self.robot = history.robot
-        self.epoch = history.epoch
+    def __init__(
+        self, robot: int, epoch: int, program: Program, begins: Instant = 0, before: "MindIndex | None" = None
+    ) -> None:
+        """`before` is the robot's incarnation before this one."""
+        self.robot = robot
+        self.epoch = epoch
         self.program = program
+        self.begins = begins
         self.items: list[PastItem] = []
-        self.first_number = first_number
+        self.first_number = 1 if before is None else before.next_number
+        self.place: int = 0 if before is None else before.place
+        """Of the newest record."""
         self.facts: dict[int, PastFact] = {}
         """By the serial number of the insertion."""
         self.by_predicate: defaultdict[int, list[PastFact]] = defaultdict(list)
         self.firings: dict[int, FiringRecord] = {}
         self.firing_places: dict[int, int] = {}
-        """By number of a firing: its place among the records."""
+        """By number of a firing: its place."""
         self.actions: dict[int, PastAction] = {}
         self.sends: list[PastSend] = []
+        self.deliveries: dict[SentKey, PastDelivery] = {}
         self.goals: list[PastGoal] = []
         self.jobs: dict[int, PastJob] = {}
         self.schedule_log: list[tuple[Instant, ScheduleChanged]] = []
@@ -160,25 +86,74 @@ class MindIndex:
         self._slot: bytes | None = None
         self.schedules: dict[int, ScheduleChanged] = {}
         """By the serial number of a fact ``turn``: the schedule that it comes from."""
-        self.arrived: dict[DeliveredCause, Instant] = {}
-        self.begins: Instant = 0
+        self.arrived: dict[DeliveredCause, PastArrival] = {}
+        self.died: Instant = NEVER
+        """When its process has ended; NEVER: not before the end of the run."""
+        self.stopped = False
+        """Whether the process was stopped in order."""
+        self.wheels: set[int] = set()
+        """Actions that need the wheels, by predicate."""
         self._by_event: dict[int, PastSend] = {}
-        self._sent: dict[tuple[int, int], PastSend] = {}
-        self._sending: PastSend | None = None
+        self._sending: PastDelivery | None = None
+        self._seen: tuple[int, PastFact | None] = 0, None
+        """Identity of the newest news that another robot's finish fact has come, and that fact."""
+        self._ended: PastAction | None = None
+        self._handles = 0
         self._open: defaultdict[int, list[PastGoal]] = defaultdict(list)
-        for place, record in enumerate(history.records):
-            if place == 0:
-                self.begins = record.at
-            self._take(place, record)
 
     @property
     def next_number(self) -> int:
         """Number of the first item of the next incarnation."""
         return self.first_number + len(self.items)
 
-    def sent(self, destination: int, sequence: int) -> PastSend | None:
-        """Return what was sent to a robot under a sequence number; None if that was no item."""
-        return self._sent.get((destination, sequence))
+    @property
+    def own_actions(self) -> list[PastAction]:
+        """The actions that the robot carries out itself."""
+        return [action for action in self.actions.values() if action.executor == self.robot]
+
+    def ended(self, action: PastAction) -> Instant:
+        """Return when an action was over, at the latest with the process; NEVER: it goes on."""
+        return min(NEVER if action.ended is None else action.ended, self.died)
+
+    def start_of(self, job: int, place: int) -> PastFact | None:
+        """Return the fact that has started a job last before a place, by the job's serial number."""
+        starts = self.jobs[job].starts if job in self.jobs else []
+        return next((start for start in reversed(starts) if start.place < place), None)
+
+    def asked_for(self, turn: PastFact) -> PastFact | None:
+        """Return the fact that has started the job which asks for a turn."""
+        named = [each for each in self.jobs.values() if each.job is not None and each.job.name == turn.args[0]]
+        starts = [start for each in named for start in each.starts if start.place < turn.place]
+        return max(starts, key=lambda each: each.place, default=None)
+
+    def undelivered(self, cause: UndeliveredCause, at: Instant) -> PastDelivery | None:
+        """Return the message of which a robot knows at an instant that it was given up."""
+        if cause.sent is not None:
+            return self.deliveries.get(cause.sent)
+        for send in reversed(self.sends):
+            given_up = send.given_up is not None and send.given_up <= at
+            if given_up and (send.destination, self.program.predicates[send.predicate].name) == cause[:2]:
+                return send
+        return None
+
+    def newest_premise(self, firing: FiringRecord) -> tuple[PastFact, bool] | None:
+        """Return the newest fact that a firing has matched, or the newest that must not hold and (True) was removed."""
+        place = self.firing_places[firing.number]
+        matched = firing.matched or [serial for origin in firing.derived for serial in origin.inner]
+        found = [(self.facts[serial].place, False, self.facts[serial]) for serial in matched]
+        for each in self.program.rules[firing.rule].body:
+            if isinstance(each, Atom) and each.mode is Mode.ABSENT:
+                removed = [fact for fact in self.by_predicate[each.predicate] if fact.removed_place < place]
+                found += [(fact.removed_place, True, fact) for fact in removed]
+        newest = max(found, key=lambda each: each[0], default=None)
+        return None if newest is None else (newest[2], newest[1])
+
+    def found_nothing(self, firing: FiringRecord) -> bool:
+        """Return whether a firing has derived nothing, by a rule whose head looks for facts."""
+        if not any(inner(self.program.rules[firing.rule].head)):
+            return False
+        causes = [item.cause for item in self.items]
+        return not any(isinstance(cause, FiringCause) and cause.number == firing.number for cause in causes)
 
     def held(self, predicate: int, now: Instant) -> list[PastFact]:
         """Return the facts of `predicate` that held after all that happened at `now`, oldest first."""
@@ -189,13 +164,12 @@ class MindIndex:
         place = self.firing_places[firing]
         return [fact for fact in self.by_predicate[predicate] if fact.place < place < fact.removed_place]
 
-    def _number(self) -> int:
-        return self.first_number + len(self.items)
-
-    def _take(self, place: int, record: ProvenanceRecord) -> None:
+    def take(self, record: ProvenanceRecord) -> None:
+        """Take in the next record."""
+        self.place += 1
         match record:
             case InsertionRecord(at, serial, predicate, args, cause):
-                fact = PastFact(self._number(), serial, predicate, args, at, cause, place=place)
+                fact = PastFact(self.next_number, serial, predicate, args, at, self.place, cause)
                 self.items.append(fact)
                 self.facts[serial] = fact
                 self.by_predicate[predicate].append(fact)
@@ -205,35 +179,35 @@ class MindIndex:
                 fact = self.facts[serial]
                 fact.until = at
                 fact.removal = cause
-                fact.removed_place = place
+                fact.removed_place = self.place
             case FiringRecord():
                 self.firings[record.number] = record
-                self.firing_places[record.number] = place
+                self.firing_places[record.number] = self.place
             case ActionRecord():
                 self._acted(record)
             case ActionStage():
                 self._progressed(record)
             case GoalRecord(at, predicate, args, cause):
-                goal = PastGoal(self._number(), predicate, args, at, cause)
+                goal = PastGoal(self.next_number, predicate, args, at, self.place, cause)
                 self.items.append(goal)
                 self.goals.append(goal)
                 self._open[predicate].append(goal)
             case SendRecord() | SendingRecord() | RefusedRecord():
                 self._send(record)
-            case JobRecord(at, job, fact_serial):
-                self.jobs[job] = known = self.jobs.get(job) or PastJob()
-                known.starts.append((at, fact_serial))
+            case JobRecord(_, job, fact_serial):
+                self.jobs.setdefault(job, PastJob()).starts.append(self.facts[fact_serial])
             case ToldRecord(at, event):
                 self._told(at, event)
 
     def _acted(self, record: ActionRecord) -> None:
         action = PastAction(
-            self._number(),
+            self.next_number,
             record.serial,
             record.predicate,
             record.executor,
             record.args,
             record.at,
+            self.place,
             record.cause,
             record.then,
         )
@@ -253,17 +227,18 @@ class MindIndex:
         else:
             action.ended = record.at
             action.failure = record.words
+            self._ended = action
 
     def _send(self, record: SendRecord | SendingRecord | RefusedRecord) -> None:
         match record:
             case SendRecord(at, event, role, destination, predicate, args, cause):
-                number = self._number()
-                send = PastSend(number, role, destination, predicate, args, at, cause, self.epoch & 0xFF)
+                send = PastSend(self.next_number, role, destination, predicate, args, at, self.place, cause)
                 self.items.append(send)
                 self.sends.append(send)
                 self._by_event[event] = send
             case SendingRecord(_, event):
-                self._sending = self._by_event.get(event)
+                news = self._seen[1] if event == self._seen[0] else self._ended
+                self._sending = self._by_event.get(event) or PastDelivery(news=news)
             case RefusedRecord(at, _, why):
                 if self._sending is not None:
                     self._sending.given_up = at
@@ -279,48 +254,74 @@ class MindIndex:
                 self.schedule_log.append((at, event))
             case SlotAssigned(group_id=group_id):
                 self._slot = group_id
-            case JobStarted(job):
-                if job.serial in self.jobs:
-                    self.jobs[job.serial].job = job
-            case GoalAchieved(predicate, args, when):
-                goal = self._closed(predicate, args)
-                if goal is not None:
-                    goal.achieved = when
-            case GoalWithdrawn(predicate, args, when, served):
-                goal = self._closed(predicate, args)
-                if goal is not None:
-                    goal.withdrawn = when
-                    goal.served = served
+            case JobStarted() | JobFinished() | JobMissed():
+                self._job(at, event)
+            case FinishSeen():
+                facts = self.by_predicate[self.program.assertions[event.assertion].finish.predicate]
+                self._seen = id(event), next((fact for fact in reversed(facts) if fact.args == event.args), None)
+            case Spoken():
+                self._spoken(at, event)
+            case GoalAchieved() | GoalWithdrawn():
+                self._goal(event)
             case ActionCancelled(serial=serial, served=served):
                 if serial in self.actions:
                     self.actions[serial].cancelled_with = served
             case _:  # of many others nothing is explained
                 pass
 
-    def _delivered(self, at: Instant, stage: Stage, peer: int, epoch: int, sequence: int) -> None:
-        if stage in (Stage.ACCEPTED, Stage.RELEASED):
-            self.arrived[DeliveredCause(peer, epoch, sequence)] = at
-        elif stage is Stage.BEGUN:
-            if self._sending is not None:
-                self._sending.sequence = sequence
-                self._sent[peer, sequence] = self._sending
-            self._sending = None
-        elif (send := self._sent.get((peer, sequence))) is not None:
-            if stage is Stage.REPEATED:
-                send.repeated.append(at)
-            elif stage is Stage.ACKNOWLEDGED:
-                send.acknowledged = at
-            else:
-                send.given_up = at
-                send.why = WHY_GIVEN_UP[stage]
+    def _job(self, at: Instant, event: JobStarted | JobFinished | JobMissed) -> None:
+        known = self.jobs.setdefault(event.job.serial, PastJob())
+        known.job = event.job
+        if isinstance(event, JobFinished):
+            known.learned = at
 
-    def _closed(self, predicate: int, args: tuple[object, ...]) -> PastGoal | None:
-        """Return the goal that is no longer open."""
-        for goal in self._open[predicate]:
-            if _is_goal(goal.args, args):
-                self._open[predicate].remove(goal)
-                return goal
-        return None
+    def _delivered(self, at: Instant, stage: Stage, peer: int, epoch: int, sequence: int) -> None:
+        key = SentKey(peer, epoch, sequence)
+        if stage is Stage.ACCEPTED:
+            self.arrived.setdefault(DeliveredCause(peer, epoch, sequence), PastArrival(at, self.place))
+        elif stage is Stage.RELEASED:
+            # It takes effect now: until then it waited for the delivery of an earlier one.
+            self.arrived[DeliveredCause(peer, epoch, sequence)] = PastArrival(at, self.place)
+        elif stage is Stage.BEGUN:
+            assert self._sending is not None
+            self._sending.key = key
+            self._sending.begun = at
+            self.deliveries[key] = self._sending
+            self._sending = None
+        elif (sent := self.deliveries.get(key)) is not None:
+            if stage is Stage.REPEATED:
+                sent.repeated.append(at)
+            elif stage is Stage.ACKNOWLEDGED:
+                sent.acknowledged = at
+            else:
+                sent.given_up = at
+                sent.why = WHY_GIVEN_UP[stage]
+
+    def _spoken(self, at: Instant, event: Spoken) -> None:
+        self._handles += 1
+        payload = event.payload
+        if event.destination is None or not payload or payload[0] not in (PayloadKind.FACT, PayloadKind.FRAGMENT):
+            return
+        try:
+            frame = payloads.decode_fact_frame(payload)
+        except WireError:
+            return
+        sent = self.deliveries.get(SentKey(event.destination, frame.epoch, frame.sequence))
+        if sent is not None:
+            sent.transmissions.append((at, event.handle or self._handles))
+
+    def _goal(self, event: GoalAchieved | GoalWithdrawn) -> None:
+        """Note the end of a goal that was open."""
+        goals = self._open[event.predicate]
+        goal = next((each for each in goals if _is_goal(each.args, event.args)), None)
+        if goal is None:
+            return
+        goals.remove(goal)
+        if isinstance(event, GoalAchieved):
+            goal.achieved = event.at
+        else:
+            goal.withdrawn = event.at
+            goal.served = event.served
 
 
 def _is_goal(patterns: tuple[Pattern, ...], args: tuple[object, ...]) -> bool:

@@ -7,9 +7,10 @@ from typing import Final
 from rmr.base.ids import spelled
 from rmr.base.time import Instant, in_seconds
 from rmr.vm.job import TimedJob
-from rmr.why.critical_path import Delay, explained
-from rmr.why.delay_source import RecordedHistories
+from rmr.why.critical_path import explained
+from rmr.why.delay import Delay
 from rmr.why.question import WhyError, robots_text
+from rmr.why.replayed_histories import RecordedHistories
 from rmr.why.robot_history import LostDelivery, RobotHistory
 
 _JOB: Final = re.compile(r"(?P<name>\w+)@(?P<robot>\d{1,9})", re.ASCII)

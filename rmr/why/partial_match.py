@@ -13,7 +13,7 @@ from rmr.base.values import Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Atom, Bind, Code, Conjunct, Constant, Fold, Guard, Mode, Pattern, Slot
 from rmr.vm.evaluate import NoValue, evaluate, same
-from rmr.why.mind_index import PastFact
+from rmr.why.past_items import PastFact
 
 STEPS_MAX: Final = 20_000
 """Branches of one search; beyond that the best match so far counts."""

@@ -14,9 +14,10 @@ from rmr.vm.provenance import FiringCause, FiringRecord, Rival
 from rmr.vm.ranks import rank_text
 from rmr.vm.urgency import due_of
 from rmr.why.absence_tree import AbsenceNode
-from rmr.why.mind_index import MindIndex, PastFact
+from rmr.why.mind_index import MindIndex
 from rmr.why.partial_match import PartialMatch, PartialSearch, matched
 from rmr.why.past import Past
+from rmr.why.past_items import PastFact
 from rmr.why.past_ranks import OpenGoal, PastRank, PastRanks, RankSource, way_text
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import RuleSource

@@ -1,23 +1,43 @@
-"""The past of a run: the indexed minds of its robots, each made when it is first needed."""
+"""The past of a run: the minds of its robots, each made when it is first needed."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol
 
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
-from rmr.vm.provenance import DeliveredCause
-from rmr.why.mind_history import HistorySource
-from rmr.why.mind_index import MindIndex, PastItem, PastSend
+from rmr.vm.provenance import DeliveredCause, SentKey
+from rmr.why.mind_index import MindIndex
+from rmr.why.past_items import PastItem, PastSend
 from rmr.why.variable_names import Variables
+
+
+class PastSource(Protocol):
+    """What knows the minds of a run: the replays of a recording."""
+
+    @property
+    def program(self) -> Program:
+        """The program that the robots run."""
+
+    @property
+    def robots(self) -> Sequence[int]:
+        """The ids of the robots of the run, ascending."""
+
+    @property
+    def known_until(self) -> Instant:
+        """The instant up to which the run is known."""
+
+    def minds(self, robot: int) -> Sequence[MindIndex]:
+        """Return the incarnations of `robot`, the oldest first; none if nothing of it was recorded."""
 
 
 class Past:
     """The minds of a run."""
 
-    def __init__(self, source: HistorySource, variables: Variables = ()) -> None:
+    def __init__(self, source: PastSource, variables: Variables = ()) -> None:
         """`variables` are the names of the rules' variables, where they are known."""
         self.source = source
         self._variables = variables
-        self._minds: dict[int, list[MindIndex]] = {}
+        self._minds: dict[int, Sequence[MindIndex]] = {}
 
     @property
     def program(self) -> Program:
@@ -38,13 +58,10 @@ class Past:
         """Return the names of a rule's slots, as far as they are known."""
         return self._variables[rule] if rule < len(self._variables) else {}
 
-    def minds(self, robot: int) -> list[MindIndex]:
+    def minds(self, robot: int) -> Sequence[MindIndex]:
         """Return the incarnations of `robot`, the oldest first."""
         if robot not in self._minds:
-            made: list[MindIndex] = []
-            for history in self.source.histories(robot):
-                made.append(MindIndex(history, self.program, made[-1].next_number if made else 1))
-            self._minds[robot] = made
+            self._minds[robot] = self.source.minds(robot)
         return self._minds[robot]
 
     def mind_at(self, robot: int, now: Instant) -> MindIndex | None:
@@ -53,10 +70,10 @@ class Past:
 
     def sender(self, cause: DeliveredCause, receiver: int, at: Instant) -> tuple[MindIndex, PastSend] | None:
         """Return what was sent, with its sender, that arrived at `receiver` at `at`; None if nobody knows."""
+        key = SentKey(receiver, cause.epoch, cause.sequence)
         for mind in reversed(self.minds(cause.source)):
-            if mind.epoch & 0xFF == cause.epoch and mind.begins <= at:
-                send = mind.sent(receiver, cause.sequence)
-                return None if send is None else (mind, send)
+            if mind.begins <= at and isinstance(sent := mind.deliveries.get(key), PastSend):
+                return mind, sent
         return None
 
     def item(self, robot: int, number: int) -> tuple[MindIndex, PastItem] | None:

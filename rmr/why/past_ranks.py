@@ -21,7 +21,7 @@ from rmr.vm.match import bind_again
 from rmr.vm.provenance import FiringRecord
 from rmr.vm.ranks import ESTIMATE, PENDING, GoalStep
 from rmr.vm.store import Fact, Store
-from rmr.why.mind_index import PastFact
+from rmr.why.past_items import PastFact
 from rmr.why.rule_words import item_text, rule_name
 
 STEPS_SHOWN = 10

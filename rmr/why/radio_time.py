@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
-from rmr.why.delay_owner import TimeOwner
-from rmr.why.robot_history import DeliverySpan
+from rmr.why.delay import TimeOwner
+from rmr.why.past_items import PastDelivery
 
 ROUNDING: Duration = 1000
 """Instants of frames are recorded in whole microseconds."""
@@ -27,22 +27,22 @@ Attempts = Mapping[tuple[int, int], list[Attempt]]
 
 
 class RadioPart(NamedTuple):
-    """A part of a delivery's time."""
+    """From when on an owner has the time of a delivery."""
 
     begin: Instant
     owner: TimeOwner
 
 
-def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[RadioPart]:
-    """Return the parts of a delivery that arrived, or was still under way, at `end`: from when on each owner has it."""
-    handed = [at for at, _ in span.transmissions if at < end]
-    parts = [RadioPart(span.begun, TimeOwner.RADIO_QUEUE)]
+def radio_time(source: int, sent: PastDelivery, end: Instant, attempts: Attempts) -> list[RadioPart]:
+    """Return the parts of a delivery of robot `source` that arrived, or was still under way, at `end`."""
+    handed = [at for at, _ in sent.transmissions if at < end]
+    parts = [RadioPart(sent.begun, TimeOwner.RADIO_QUEUE)]
     if not handed:
         return parts
     tries = sorted(
         Attempt(attempt.start, min(attempt.end, end))
-        for at, handle in span.transmissions
-        for attempt in attempts.get((span.key[0], handle), ())
+        for at, handle in sent.transmissions
+        for attempt in attempts.get((source, handle), ())
         if at - ROUNDING <= attempt.start and attempt.end <= end + ROUNDING
     )
     if not tries:
@@ -51,9 +51,7 @@ def radio_time(span: DeliverySpan, end: Instant, attempts: Attempts) -> list[Rad
             parts.append(RadioPart(handed[1], TimeOwner.REPEATS))
         return parts
     parts.append(
-        RadioPart(
-            max(handed[0], _idle_from(span.key[0], tries[0].start, handed[0], attempts)), TimeOwner.CHANNEL_ACCESS
-        )
+        RadioPart(max(handed[0], _idle_from(source, tries[0].start, handed[0], attempts)), TimeOwner.CHANNEL_ACCESS)
     )
     if len(tries) > 1:
         parts.append(RadioPart(tries[0].end, TimeOwner.REPEATS))

@@ -1,116 +1,20 @@
-"""What one robot did, as far as the explanation of delays needs it: values, in the order of time.
+"""What one robot did, over all its incarnations: their items, and what was seen of its wheels, turns and calls.
 
-Made by `rmr.why.history_listener` from a robot's mind, in a simulated run or in a replay of its log. All instants are
-integer nanoseconds of lab time. What happens within one call of the node has the same instant; `order` tells it apart.
+Made by `rmr.why.history_listener` from the replay of the robot's minds. All instants are integer nanoseconds of lab
+time.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 from rmr.base.time import NEVER, Instant
-from rmr.base.values import Value
 from rmr.node.standstill import Motion, MotionState
 from rmr.vm.job import TimedJob
-
-Args = tuple[Value, ...]
-DeliveryKey = tuple[int, int, int, int]
-"""Sender, destination, the sender's epoch, sequence number."""
-
-
-class CauseKind:
-    """What made something happen."""
-
-    FIRING = "firing"
-    DELIVERY = "delivery"
-    ACTION = "action"
-    """The end of an action: an effect, or the next step of a chain."""
-    SENSED = "sensed"
-    GIVEN = "given"
-    """An initial fact, or one that somebody inserted from outside."""
-    SENT = "sent"
-    """A delivery of its own was acknowledged, or given up."""
-    MISSED = "missed"
-    """A missed deadline."""
-
-
-class EventCause(NamedTuple):
-    """What made something happen."""
-
-    kind: str
-    number: int = -1
-    """The firing or the action, by its index in the history; of a missed deadline, or of a finish that is reported, the
-    change that started the job, or ended it."""
-    key: DeliveryKey | None = None
-
-
-@dataclass(slots=True)
-class TimedFiring:
-    """A rule was applied."""
-
-    at: Instant
-    order: int
-    rule: int
-    text: str
-    """Its place in the source."""
-    premises: tuple[int, ...] = ()
-    """The facts that its rule matched, by index among the changes."""
-
-
-class Change(NamedTuple):
-    """A fact came or went."""
-
-    at: Instant
-    order: int
-    predicate: int
-    args: Args
-    came: bool
-    cause: EventCause
-    text: str
-
-
-class TurnGate(NamedTuple):
-    """From when on an action went by the turn of a resource."""
-
-    at: Instant
-    group: bytes
-    """Names those that contend for the resource, of all robots alike."""
-    asked: bool
-    """Whether the robot had asked for a turn."""
-
-
-@dataclass(slots=True)
-class ActionSpan:
-    """One derived action."""
-
-    name: str
-    text: str
-    derived: Instant
-    order: int
-    cause: EventCause
-    wheels: bool
-    started: Instant | None = None
-    ended: Instant = NEVER
-    failure: str | None = None
-    gates: list[TurnGate] = field(default_factory=list)
-    """The resources for whose turn it waited, one after the other; empty if it needed none."""
-    waits: list[tuple[Instant, str]] = field(default_factory=list)
-    """Before its start, from when on it was ``held`` (for its turn) or ``queued`` (for the wheels)."""
-
-
-@dataclass(slots=True)
-class DeliverySpan:
-    """What the sender knows of a delivery."""
-
-    key: DeliveryKey
-    begun: Instant
-    order: int
-    cause: EventCause
-    text: str = ""
-    transmissions: list[tuple[Instant, int]] = field(default_factory=list)
-    """When it was handed to the radio, each time, and the radio's handle of that."""
-    given_up: Instant | None = None
+from rmr.vm.provenance import DeliveredCause, SentKey
+from rmr.why.mind_index import MindIndex
+from rmr.why.past_items import PastAction, PastArrival, PastDelivery
 
 
 class LostDelivery(NamedTuple):
@@ -132,45 +36,41 @@ class PassageSpan(NamedTuple):
     left: Instant
 
 
-class KnownOrder(NamedTuple):
-    """A schedule became known to the robot."""
-
-    at: Instant
-    group: bytes
-    leader: int
-    robots: tuple[int, ...]
-
-
-T = TypeVar("T")
-
-
 @dataclass(slots=True)
 class RobotHistory:
-    """One robot, over all its incarnations."""
+    """One robot."""
 
     robot: int
-    lives: list[tuple[Instant, Instant]] = field(default_factory=list)
-    """From when to when its process lived; NEVER: to the end of the run."""
-    stops: set[Instant] = field(default_factory=set)
-    """Those of the ends of `lives` at which the process was stopped in order."""
+    minds: list[MindIndex] = field(default_factory=list)
+    """Its incarnations, the oldest first."""
     ends: Instant = 0
     """The last instant that is known."""
-    jobs: list[tuple[TimedJob, Instant | None]] = field(default_factory=list)
-    """Each with when the robot learned of its end."""
     motion: list[tuple[Instant, MotionState]] = field(default_factory=list)
     late: list[tuple[Instant, Instant]] = field(default_factory=list)
     """The robot was due from the one instant on, and was called at the other."""
-    firings: list[TimedFiring] = field(default_factory=list)
-    changes: list[Change] = field(default_factory=list)
-    actions: list[ActionSpan] = field(default_factory=list)
-    sent: dict[DeliveryKey, DeliverySpan] = field(default_factory=dict)
-    received: dict[DeliveryKey, tuple[Instant, int]] = field(default_factory=dict)
-    """When each delivery was taken up first, and its place in the order."""
     undelivered: list[LostDelivery] = field(default_factory=list)
-    starts: list[tuple[str, int]] = field(default_factory=list)
-    """The name of each job that has started, and the change that started it."""
     passages: list[PassageSpan] = field(default_factory=list)
-    orders: list[KnownOrder] = field(default_factory=list)
+
+    @property
+    def jobs(self) -> list[tuple[TimedJob, Instant | None]]:
+        """Each job with when the robot learned of its end."""
+        known = [each for mind in self.minds for each in mind.jobs.values()]
+        return [(each.job, each.learned) for each in known if each.job is not None]
+
+    def actions(self) -> Iterator[tuple[MindIndex, PastAction]]:
+        """Yield the actions that the robot carries out itself, the newest first."""
+        for mind in reversed(self.minds):
+            for action in reversed(mind.own_actions):
+                yield mind, action
+
+    def sent(self, cause: DeliveredCause, receiver: int) -> tuple[MindIndex, PastDelivery] | None:
+        """Return what the robot has sent, with the incarnation that sent it; None if there is no record of it."""
+        key = SentKey(receiver, cause.epoch, cause.sequence)
+        return next(((mind, mind.deliveries[key]) for mind in reversed(self.minds) if key in mind.deliveries), None)
+
+    def arrival(self, cause: DeliveredCause) -> PastArrival | None:
+        """Return when a delivery took effect; None if it never did."""
+        return next((mind.arrived[cause] for mind in self.minds if cause in mind.arrived), None)
 
     def motion_between(self, begin: Instant, end: Instant) -> list[tuple[Instant, Instant, MotionState]]:
         """Return what the wheels did, as parts of [begin, end) without gap."""
@@ -190,30 +90,15 @@ class RobotHistory:
             parts.append((at, end, state))
         return parts
 
-    def newest(self, at: Instant, order: int, accept: Callable[[Change], bool]) -> Change | None:
-        """Return the newest change that is accepted, before `order` at the instant `at` or before that."""
-        for change in reversed(self.changes[: bisect_right(self.changes, (at, order - 1), key=_place)]):
-            if accept(change):
-                return change
-        return None
-
-    def newest_fact(self, predicate: int, args: Args) -> int:
-        """Return the index of the change by which a fact has come last; -1: it never did."""
-        for index in range(len(self.changes) - 1, -1, -1):
-            change = self.changes[index]
-            if change.came and change.predicate == predicate and change.args == args:
-                return index
-        return -1
+    def absences(self, *, stopped: bool) -> list[tuple[Instant, Instant]]:
+        """Return from when to when the robot was dead after it had lived, or had been `stopped` in order."""
+        begins = [mind.begins for mind in self.minds[1:]]
+        return [
+            (mind.died, begin)
+            for mind, begin in zip(self.minds, [*begins, NEVER], strict=True)
+            if mind.died < begin and mind.stopped == stopped
+        ]
 
 
 def _at(state: tuple[Instant, MotionState]) -> Instant:
     return state[0]
-
-
-def _place(change: Change) -> tuple[Instant, int]:
-    return change.at, change.order
-
-
-def overlaps(spans: Sequence[tuple[Instant, Instant]], begin: Instant, end: Instant) -> list[tuple[Instant, Instant]]:
-    """Return the parts of `spans`, which are in order and apart, within [begin, end)."""
-    return [(max(b, begin), min(e, end)) for b, e in spans if b < end and e > begin]

@@ -12,7 +12,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from rmr.base.time import Instant
-from rmr.why.robot_history import KnownOrder, RobotHistory, TurnGate
+from rmr.coord.events import ScheduleChanged
+from rmr.why.past_items import TurnGate
+from rmr.why.robot_history import RobotHistory
 
 NOT_ASKED = "it had not asked for a turn yet"
 NO_SCHEDULE = "nobody had a schedule yet; "
@@ -68,24 +70,28 @@ class _Turn:
         self._passages = [
             (history.robot, span) for history in others for span in history.passages if self._here(span.group)
         ]
-        self._orders = [order for order in histories[robot].orders if self._here(order.group)]
+        self._orders = self._known_to(histories[robot])
+
+    def _known_to(self, history: RobotHistory) -> list[tuple[Instant, ScheduleChanged]]:
+        """Return the schedules of the resource that a robot has known, each from when on."""
+        return [each for mind in history.minds for each in mind.schedule_log if self._here(each[1].group_id)]
 
     def _here(self, group: bytes) -> bool:
         return self._gate is None or self._gate.group == group
 
     def waits(self, begin: Instant, end: Instant) -> list[Wait]:
         """Return the parts of the wait from `begin` to `end`."""
-        edges = {order.at for order in self._orders}
+        edges = {at for at, _ in self._orders}
         for _, passage in self._passages:
             edges.update((passage.entered, passage.left))
         parts: list[Wait] = []
         for since, until in pairwise(_between(edges, begin, end)):
             inside = [(span.entered, other) for other, span in self._passages if span.entered <= since < span.left]
-            order = next((order for order in reversed(self._orders) if order.at <= since), None)
+            known, order = _newest(self._orders, since)
             if inside:
                 parts.append(Wait(since, until, (max(inside)[1],), "inside"))
-            elif order is not None and self._robot in order.robots:
-                ahead = self._ahead(order, order.robots.index(self._robot), since)
+            elif self._robot in order:
+                ahead = self._ahead(known, order[: order.index(self._robot)], since)
                 parts.append(Wait(since, until, ahead[:1], "yet to enter" if ahead else OWN_SLOT))
             elif self._gate is not None and not self._gate.asked:
                 parts.append(Wait(since, until, (), NOT_ASKED))
@@ -93,28 +99,33 @@ class _Turn:
                 parts += self._unnamed(since, until)
         return parts
 
-    def _ahead(self, order: KnownOrder, places: int, at: Instant) -> tuple[int, ...]:
-        """Return the robots in the first `places` of a schedule that have not passed since it was known."""
-        passed = {other for other, passage in self._passages if order.at <= passage.left <= at}
-        return tuple(other for other in order.robots[:places] if other not in passed)
+    def _ahead(self, known: Instant, before: Sequence[int], at: Instant) -> tuple[int, ...]:
+        """Return the robots `before` one in a schedule that have not passed since it was `known`."""
+        passed = {other for other, passage in self._passages if known <= passage.left <= at}
+        return tuple(other for other in before if other not in passed)
 
     def _unnamed(self, begin: Instant, end: Instant) -> list[Wait]:
         """Return the parts of a wait in which no schedule that the robot knows names it."""
-        known = [order for history in self._histories.values() for order in history.orders if self._here(order.group)]
-        known.sort(key=lambda order: order.at)
+        orders = [each for history in self._histories.values() for each in self._known_to(history)]
+        orders.sort(key=lambda each: each[0])
         parts = []
-        for since, until in pairwise(_between({order.at for order in known}, begin, end)):
-            order = next((order for order in reversed(known) if order.at <= since), None)
-            if order is None:
-                made = f"robot {known[0].leader} made the first one" if known else "none was made"
+        for since, until in pairwise(_between({at for at, _ in orders}, begin, end)):
+            known, order = _newest(orders, since)
+            if not orders or since < orders[0][0]:
+                made = f"robot {orders[0][1].leader} made the first one" if orders else "none was made"
                 parts.append(Wait(since, until, (), NO_SCHEDULE + made))
-            elif self._robot in order.robots:
+            elif self._robot in order:
                 parts.append(Wait(since, until, (), NOT_HEARD))
             else:
-                ahead = self._ahead(order, len(order.robots), since)
+                ahead = self._ahead(known, order, since)
                 parts.append(Wait(since, until, ahead, NOT_NAMED if ahead else ONLY_PASSED))
         return parts
 
 
 def _between(edges: set[Instant], begin: Instant, end: Instant) -> list[Instant]:
     return sorted({begin, end, *(edge for edge in edges if begin < edge < end)})
+
+
+def _newest(orders: Sequence[tuple[Instant, ScheduleChanged]], at: Instant) -> tuple[Instant, tuple[int, ...]]:
+    """Return the order of the newest schedule that was known at an instant, and since when; without one nobody's."""
+    return next(((known, each.order) for known, each in reversed(orders) if known <= at), (at, ()))

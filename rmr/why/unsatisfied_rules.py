@@ -16,10 +16,11 @@ from rmr.vm.provenance import FiringCause, FiringRecord
 from rmr.vm.ranks import rank_text
 from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
-from rmr.why.mind_index import MindIndex, PastFact
+from rmr.why.mind_index import MindIndex
 from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
 from rmr.why.passed_over import PassedOver, preferred
 from rmr.why.past import Past
+from rmr.why.past_items import PastFact
 from rmr.why.question import Question
 from rmr.why.rule_words import (
     Env,

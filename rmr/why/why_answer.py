@@ -6,8 +6,9 @@ from typing import Any, Final
 from rmr.base.time import Instant, in_seconds
 from rmr.vm.provenance import EffectCause, FiringCause
 from rmr.why.explain import DEPTH, Explainer, Premise
-from rmr.why.mind_index import MindIndex, PastAction, PastFact, PastGoal, PastItem
+from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
+from rmr.why.past_items import PastAction, PastFact, PastGoal, PastItem
 from rmr.why.question import Question, WhyError
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.why_tree import WhyNode

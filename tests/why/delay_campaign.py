@@ -11,7 +11,7 @@ from pathlib import Path
 
 from delay_runs import LABS, RUSH, check_run, recorded
 
-from rmr.why.delay_owner import TimeOwner
+from rmr.why.delay import TimeOwner
 
 KINDS = ((), ("--loss", "0.6"), ("--chaos",))
 """Of three seeds one runs as the lab file says, one loses most frames, one has drawn faults: so more are missed."""

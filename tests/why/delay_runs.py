@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from rmr.record.recording import open_recording
-from rmr.why.critical_path import Delay, explained
-from rmr.why.delay_owner import TimeOwner
-from rmr.why.delay_source import RecordedHistories, run_history
-from rmr.why.delay_steps import steps_of
+from rmr.why.critical_path import explained
+from rmr.why.delay import Delay, TimeOwner, steps_of
 from rmr.why.missed_jobs import is_missed, missed_delays
+from rmr.why.replayed_histories import RecordedHistories, run_history
 from rmr_sim.main import main as simulate
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"

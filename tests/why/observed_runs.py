@@ -14,8 +14,9 @@ from rmr.bytecode.program import Program
 from rmr.commands.subcommands import command as main
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
-from rmr.vm.provenance import ProvenanceLog, ProvenanceRecord
+from rmr.vm.provenance import ProvenanceLog
 from rmr.why.absence import why_not
+from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
 from rmr.why.question import question
 from rmr.why.variable_names import Variables, variable_names
@@ -25,44 +26,38 @@ from rmr_sim.run_setup import Options, load
 
 
 @dataclass
-class Life:
-    """One incarnation."""
-
-    robot: int
-    epoch: int
-    log: ProvenanceLog
-
-    @property
-    def records(self) -> list[ProvenanceRecord]:
-        return self.log.records
-
-
-@dataclass
 class Observed:
     """A run that is over."""
 
-    lives: dict[int, list[Life]] = field(default_factory=dict)
+    logs: dict[int, list[ProvenanceLog]] = field(default_factory=dict)
+    """Of each robot: those of its incarnations."""
     program: Program | None = None
     known_until: Instant = 0
     variables: Variables = ()
 
     @property
     def robots(self) -> list[int]:
-        return sorted(self.lives)
+        return sorted(self.logs)
 
-    def histories(self, robot: int) -> list[Life]:
-        return self.lives.get(robot, [])
+    def minds(self, robot: int) -> list[MindIndex]:
+        found: list[MindIndex] = []
+        for epoch, log in enumerate(self.logs.get(robot, [])):
+            begins = log.records[0].at if log.records else 0
+            found.append(MindIndex(robot, epoch, self.program, begins, found[-1] if found else None))
+            for record in log.records:
+                found[-1].take(record)
+        return found
 
     def node(self, config: NodeConfig, program: Program, *others: object) -> Node:
         """Make a node that writes a log."""
         self.program = program
         log = ProvenanceLog()
-        self.lives.setdefault(config.robot, []).append(Life(config.robot, config.epoch, log))
+        self.logs.setdefault(config.robot, []).append(log)
         return Node(replace(config, provenance=log), program, *others)
 
     @property
     def past(self) -> Past:
-        times = [life.records[-1].at for lives in self.lives.values() for life in lives if life.records]
+        times = [log.records[-1].at for logs in self.logs.values() for log in logs if log.records]
         self.known_until = max([self.known_until, *times])
         return Past(self, self.variables)
 

@@ -5,8 +5,9 @@ of all trees if it holds of every item without premises.
 """
 
 from rmr.why.explain import Explainer
-from rmr.why.mind_index import MindIndex, PastItem
+from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
+from rmr.why.past_items import PastItem
 
 LEAVES = {"given", "outside", "sensed"}
 

@@ -10,8 +10,8 @@ from delay_runs import LABS
 from rmr.base.time import seconds
 from rmr.record.recording import open_recording
 from rmr.why.critical_path import explained
-from rmr.why.delay_owner import TimeOwner
-from rmr.why.delay_source import run_history
+from rmr.why.delay import TimeOwner
+from rmr.why.replayed_histories import run_history
 from rmr_deploy.why_program import why_command
 from rmr_sim.main import main as simulate
 
@@ -129,3 +129,13 @@ turn(R, crossing, _), not never(R) -o never(R), done(R)."""
     found = owners(tmp_path, WAIT + program, CORRIDOR)
     assert found[0] == ("action", "wait(@1, 2.0)")
     assert found[1][0] == "turn"
+
+
+def test_a_robot_that_has_changed_its_program_is_not_dead_from_then_on(tmp_path):
+    program = "type done(robot). waited(R, 30.0) -o done(R). start(R) -o wait(R, 30.0)."
+    (tmp_path / "new.rmr").write_text(WAIT)
+    job = WAIT.replace("0.5, broadcast", "20, broadcast")
+    found = owners(tmp_path, job + program, "loads: [{at: 2s, program: new.rmr, robots: 1}]\n")
+    assert "dead" not in dict(found)
+    answer = invoke(why_command(), [str(tmp_path / "run"), "--missed", "--json"], name="rmr why")
+    assert "robot 1 changed its program at 6" in json.loads(answer.stdout)["problems"][0]

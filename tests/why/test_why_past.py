@@ -47,7 +47,7 @@ def test_question_about_any_of_many_robots_is_answered_for_the_first_ten(tmp_pat
 def test_robot_without_a_recording_is_told_where_its_message_would_be(tmp_path, monkeypatch):
     program = "type news(robot).\nstart(@1).\nstart(R) -o news(@2).\n"
     observed = written(program, "--robots 2", tmp_path, monkeypatch)
-    observed.lives[1] = []
+    observed.logs[1] = []
     text = observed.text("news(@2)")
     assert "delivered by @1 (message 0), of which there is no recording" in text
     assert "nothing of robot 1 was recorded" in observed.why_not("start(@1)")

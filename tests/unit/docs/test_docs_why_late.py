@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rmr.why.delay_owner import MEANINGS, TimeOwner
+from rmr.why.delay import MEANINGS, TimeOwner
 
 PAGE = (Path(__file__).parents[3] / "docs" / "why-late.md").read_text("utf-8")
 

@@ -1,25 +1,32 @@
 """Parts of explained delays: behind whom a robot waits, the time of a delivery, intervals cut and merged."""
 
 from rmr.base.time import NEVER, milliseconds, seconds
-from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.interval_parts import absences, cut_at, merged, without
+from rmr.bytecode.program import Program
+from rmr.coord.events import ScheduleChanged
+from rmr.why.delay import Interval, TimeOwner, cut_at, merged, without
+from rmr.why.mind_index import MindIndex
+from rmr.why.past_items import PastDelivery, TurnGate
 from rmr.why.radio_time import Attempt, radio_time
-from rmr.why.robot_history import CauseKind, DeliverySpan, EventCause, KnownOrder, PassageSpan, RobotHistory, TurnGate
+from rmr.why.robot_history import PassageSpan, RobotHistory
 from rmr.why.turn_order import NOT_ASKED, NOT_HEARD, NOT_NAMED, ONLY_PASSED, OWN_SLOT, waits_behind
 
+PROGRAM = Program(())
 GROUP = b"exit"
 GATES = (TurnGate(0, GROUP, True),)
-KEY = (1, 2, 0, 7)
 
 
 def histories(order=(2, 3, 1), **entered):
     """Return robots 1 to 3, of which 1 heard the schedule at 1 s; `r2=(4, 6)`: robot 2 was inside from 4 s to 6 s."""
-    robots = {robot: RobotHistory(robot) for robot in (1, 2, 3)}
+    robots = {robot: RobotHistory(robot, [MindIndex(robot, 0, PROGRAM)]) for robot in (1, 2, 3)}
     if order:
-        robots[1].orders.append(KnownOrder(seconds(1), GROUP, 2, order))
+        knows(robots[1], 1, 2, order)
     for name, (begin, end) in entered.items():
         robots[int(name[1:])].passages.append(PassageSpan(GROUP, seconds(begin), seconds(end)))
     return robots
+
+
+def knows(history, at_s, leader, order):
+    history.minds[0].schedule_log.append((seconds(at_s), ScheduleChanged(GROUP, leader, 1, order, 0)))
 
 
 def waits(robots, begin, end, gates=GATES):
@@ -61,7 +68,8 @@ def test_robot_outside_of_the_schedule_waits_behind_those_that_have_slots():
 def test_robot_that_has_heard_of_no_schedule_waits_by_those_that_others_have():
     robots = histories(order=())
     assert waits(robots, 0, 2) == [(0, 2, (), "nobody had a schedule yet; none was made")]
-    robots[2].orders += [KnownOrder(seconds(1), GROUP, 3, (3,)), KnownOrder(seconds(4), GROUP, 3, (3, 1))]
+    knows(robots[2], 1, 3, (3,))
+    knows(robots[2], 4, 3, (3, 1))
     assert waits(robots, 0, 6) == [
         (0, 1, (), "nobody had a schedule yet; robot 3 made the first one"),
         (1, 4, (3,), NOT_NAMED),
@@ -85,14 +93,12 @@ def test_passage_of_another_group_is_nobody_ahead():
 
 
 def delivery(*handed_ms):
-    span = DeliverySpan(KEY, 0, 1, EventCause(CauseKind.GIVEN))
-    span.transmissions = [(milliseconds(at), handle) for handle, at in enumerate(handed_ms, 1)]
-    return span
+    return PastDelivery(begun=0, transmissions=[(milliseconds(at), handle) for handle, at in enumerate(handed_ms, 1)])
 
 
-def radio(span, end_ms, attempts):
+def radio(sent, end_ms, attempts):
     made = {key: [Attempt(milliseconds(a), milliseconds(b)) for a, b in tries] for key, tries in attempts.items()}
-    return [(part.begin / 1e6, part.owner) for part in radio_time(span, milliseconds(end_ms), made)]
+    return [(part.begin / 1e6, part.owner) for part in radio_time(1, sent, milliseconds(end_ms), made)]
 
 
 def test_delivery_at_the_first_attempt_is_channel_access_until_it_is_read():
@@ -149,13 +155,21 @@ def test_time_in_which_the_robot_was_called_late_goes_to_that_owner():
     assert parts == [standing(0, 2, "danger"), late[0], standing(4, 8, "danger"), late[1]]
 
 
+def lived(*lives):
+    history = RobotHistory(1)
+    for epoch, (begins, died) in enumerate(lives):
+        history.minds.append(MindIndex(1, epoch, PROGRAM, begins))
+        history.minds[-1].died = died
+    return history
+
+
 def test_robot_is_dead_between_its_lives_and_after_the_last():
-    history = RobotHistory(1, lives=[(0, 5), (7, 9), (12, NEVER)])
-    assert absences(history, stopped=False) == [(5, 7), (9, 12)]
-    assert absences(RobotHistory(1, lives=[(0, 5)]), stopped=False) == [(5, NEVER)]
+    assert lived((0, 5), (7, 9), (12, NEVER)).absences(stopped=False) == [(5, 7), (9, 12)]
+    assert lived((0, 5)).absences(stopped=False) == [(5, NEVER)]
 
 
 def test_robot_that_was_stopped_in_order_is_not_dead():
-    history = RobotHistory(1, lives=[(0, 5), (7, 9), (12, NEVER)], stops={5})
-    assert absences(history, stopped=True) == [(5, 7)]
-    assert absences(history, stopped=False) == [(9, 12)]
+    history = lived((0, 5), (7, 9), (12, NEVER))
+    history.minds[0].stopped = True
+    assert history.absences(stopped=True) == [(5, 7)]
+    assert history.absences(stopped=False) == [(9, 12)]

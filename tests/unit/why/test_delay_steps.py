@@ -3,9 +3,7 @@
 from rmr.base.time import seconds
 from rmr.base.values import Robot
 from rmr.vm.job import TimedJob
-from rmr.why.critical_path import Delay, PathAction
-from rmr.why.delay_owner import Interval, TimeOwner
-from rmr.why.delay_steps import steps_of
+from rmr.why.delay import Delay, Interval, PathAction, TimeOwner, steps_of
 from rmr.why.delay_text import delay_data, delay_text
 
 DRIVE = TimeOwner.DRIVE

@@ -4,9 +4,9 @@ import pytest
 
 from rmr.base.time import NEVER, seconds
 from rmr.lang.compiler import compile_source
-from rmr.why.delay_source import end_early
 from rmr.why.history_listener import HistoryListener
-from rmr.why.interval_parts import absences
+from rmr.why.mind_index import MindIndex
+from rmr.why.replayed_histories import end_early
 
 
 @pytest.mark.parametrize("in_order", [False, True])
@@ -17,8 +17,8 @@ from rmr.why.interval_parts import absences
 def test_a_robot_whose_log_ends_long_before_the_run_is_gone_from_then_on(last_s, gone, in_order):
     program = compile_source("type at(robot, symbol).").program
     listener = HistoryListener(1, program)
-    listener.history.lives.append((0, NEVER))
+    listener.history.minds.append(MindIndex(1, 0, program))
     listener.history.ends = seconds(last_s)
     end_early(listener, seconds(40), in_order=in_order)
-    assert absences(listener.history, stopped=in_order) == gone
-    assert absences(listener.history, stopped=not in_order) == []
+    assert listener.history.absences(stopped=in_order) == gone
+    assert listener.history.absences(stopped=not in_order) == []
