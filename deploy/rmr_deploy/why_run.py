@@ -12,14 +12,13 @@ from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Recording, open_recording
 from rmr.why.absence import why_not
-from rmr.why.absence_tree import AbsenceAnswer
 from rmr.why.past import Past
 from rmr.why.question import WhyError, question
 from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
 from rmr.why.rule_words import seconds_text
-from rmr.why.why_answer import WhyAnswer, why
-from rmr.why.why_dot import absence_dot, why_dot
-from rmr.why.why_text import absence_text, why_text
+from rmr.why.why_answer import why
+from rmr.why.why_text import absence_dot, absence_text, why_dot, why_text
+from rmr.why.why_tree import AbsenceAnswer, WhyAnswer
 from rmr_deploy.missed_run import explain_missed
 from rmr_deploy.run_choice import FleetError, chosen_run
 from rmr_world.run_report import REPORT_FILE

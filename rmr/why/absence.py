@@ -14,7 +14,6 @@ from rmr.base.time import Instant
 from rmr.bytecode.program import Kind
 from rmr.vm.derive import DerivedKind
 from rmr.vm.provenance import DeliveredCause, FiringCause
-from rmr.why.absence_tree import AbsenceAnswer, AbsenceNode
 from rmr.why.explain import DEPTH, SENSES, stages, withdrawn_text
 from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
@@ -24,6 +23,7 @@ from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
 from rmr.why.unsatisfied_rules import NEAR_SHOWN, UnsatisfiedRules
 from rmr.why.why_answer import ANSWERS_MAX, goal_agrees, removal
+from rmr.why.why_tree import AbsenceAnswer, AbsenceNode
 
 ACTIONS_SHOWN: Final = 3
 """Actions shown of one robot, the newest ones."""

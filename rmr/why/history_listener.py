@@ -4,8 +4,10 @@ The node's configuration needs the listener's `log` as provenance log, and a wit
 node does not tell which frames it hands to its radio. The listener changes nothing in the node.
 """
 
+from bisect import bisect_right
 from typing import Any, Protocol
 
+from rmr.base.geometry import Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Dispatcher
@@ -25,7 +27,6 @@ from rmr.vm.provenance import ActionRecord, ProvenanceLog, ToldRecord
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, TurnGate
 from rmr.why.robot_history import LostDelivery, PassageSpan, RobotHistory
-from rmr.why.true_places import TruePlaces
 
 LATE: Duration = NS_PER_S // TICK_HZ
 """A call that comes later than it was due by more than a frame is late."""
@@ -42,6 +43,25 @@ class WatchedNode(Protocol):
     actions: Dispatcher
     crossings: Crossings
     services: RobotServices
+
+
+class TruePlaces:
+    """Where a robot really was, ten times a second while any robot moves."""
+
+    def __init__(self) -> None:
+        self._at: list[Instant] = []
+        self._places: list[tuple[float, float]] = []
+
+    def add(self, at: Instant, x: float, y: float) -> None:
+        """Add a place; instants ascend."""
+        self._at.append(at)
+        self._places.append((x, y))
+
+    def off_m(self, at: Instant, pose: Pose) -> float:
+        """Return how far `pose` is from the nearer of the places before and after `at`, metres; 0 without any."""
+        after = bisect_right(self._at, at)
+        around = self._places[max(0, after - 1) : after + 1]
+        return min([hypot(pose.x - x, pose.y - y) for x, y in around], default=0.0)
 
 
 class HistoryListener:

@@ -13,7 +13,6 @@ from rmr.bytecode.program import Atom, Mode, Program, Strategy
 from rmr.vm.provenance import FiringCause, FiringRecord, Rival
 from rmr.vm.ranks import rank_text
 from rmr.vm.urgency import due_of
-from rmr.why.absence_tree import AbsenceNode
 from rmr.why.mind_index import MindIndex
 from rmr.why.partial_match import PartialMatch, PartialSearch, matched
 from rmr.why.past import Past
@@ -21,6 +20,7 @@ from rmr.why.past_items import PastFact
 from rmr.why.past_ranks import OpenGoal, PastRank, PastRanks, RankSource, way_text
 from rmr.why.rule_words import item_text, rule_name, seconds_text
 from rmr.why.sources import RuleSource
+from rmr.why.why_tree import AbsenceNode
 
 FIRINGS_MAX: Final = 50
 """Firings before which a match of a rule is looked for, the newest ones that took or brought a fact of its body."""

@@ -8,7 +8,9 @@ from rmr.bytecode.program import Program
 from rmr.vm.provenance import DeliveredCause, SentKey
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastItem, PastSend
-from rmr.why.variable_names import Variables
+
+Variables = tuple[Mapping[int, str], ...]
+"""For each rule of a program the names of its slots, which byte-code does not keep."""
 
 
 class PastSource(Protocol):

@@ -5,25 +5,30 @@ robots did is explained all the same.
 """
 
 from collections import defaultdict
+from collections.abc import Iterator
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rmr.base.time import NEVER, Instant, in_seconds, seconds
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
+from rmr.lang.compiler import compile_text
+from rmr.lang.lower.robot_rules import Derived, Environment, inner_parts
+from rmr.lang.read.source_text import SourceText
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.mind_versions import differences
 from rmr.mind.recorded_minds import PROGRAM, TOPIC, RecordedMind, minds, program_of
 from rmr.record.recording import Recording
 from rmr.record.run_files import PATHS_NAME, SOURCE
-from rmr.why.history_listener import HistoryListener
+from rmr.why.history_listener import HistoryListener, TruePlaces
 from rmr.why.mind_index import MindIndex
+from rmr.why.past import Variables
 from rmr.why.radio_time import Attempt
 from rmr.why.robot_history import RobotHistory
-from rmr.why.true_places import TruePlaces, true_places
-from rmr.why.variable_names import Variables, variable_names
 
+PLACES: Final = "/tf"
+"""The true places, which the world writes and no robot reads."""
 FRAMES: Final = "/frames"
 FAULTS: Final = "/faults"
 GONE_AFTER: Final = seconds(2)
@@ -98,7 +103,7 @@ class ReplayedHistories:
 
     @cached_property
     def _truth(self) -> dict[int, TruePlaces]:
-        return true_places(self._recording)
+        return _true_places(self._recording)
 
     @cached_property
     def _kills(self) -> defaultdict[int, list[Instant]]:
@@ -182,6 +187,24 @@ def _variables(recording: Recording, program: Program) -> Variables:
     return () if source is None else variable_names(program, source.decode("utf-8", "replace"), path)
 
 
+def variable_names(program: Program, source: str, file: str) -> Variables:
+    """Return the names of the variables of each rule of `program`; none if `source`, the text of `file`, is another."""
+    compilation = compile_text(SourceText(file, source))
+    checked = compilation.checked
+    if checked is None or compilation.program is None or compilation.program.rules != program.rules:
+        return ()
+    return tuple([dict(_slot_names(projected.environment, projected.head)) for projected in checked.rules])
+
+
+def _slot_names(environment: Environment, head: tuple[Derived, ...]) -> Iterator[tuple[int, str]]:
+    """Yield slots with their names; of a slot that two inner bodies use the name in the first one comes last."""
+    inner = [part.environment for part in inner_parts(head)]
+    for each in (*reversed(inner), environment):
+        for name, slot in each.slots.items():
+            if name.isidentifier():
+                yield slot, name
+
+
 def _foreign(found: list[RecordedMind], octets: bytes) -> list[str]:
     """Return a sentence if other versions recorded the run than those here.
 
@@ -229,3 +252,19 @@ def _attempts(recording: Recording) -> dict[tuple[int, int], list[Attempt]]:
         if handle is not None and start is not None and end is not None:
             attempts.setdefault((frame["source"], handle), []).append(Attempt(seconds(start), seconds(end)))
     return attempts
+
+
+def _true_places(recording: Recording) -> dict[int, TruePlaces]:
+    """Return the true places of each robot of `recording`; what is damaged is left out."""
+    found: defaultdict[int, TruePlaces] = defaultdict(TruePlaces)
+    for message in recording.messages((PLACES,)):
+        transforms: Any = message.data.get("transforms", ())
+        for each in transforms:
+            try:
+                kind, _, robot = each["child_frame_id"].partition("/")
+                where = each["translation"]
+                if kind == "robot" and robot.isdigit():
+                    found[int(robot)].add(message.at, float(where["x"]), float(where["y"]))
+            except (KeyError, TypeError, ValueError, AttributeError):
+                continue
+    return dict(found)

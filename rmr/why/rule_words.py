@@ -1,6 +1,6 @@
 """Rules, facts and expressions in program syntax, with the values that are known in place of variables.
 
-A variable without a value has its name if that is known (`rmr.why.variable_names`), else it is ``_``.
+A variable without a value has its name if that is known (`rmr.why.past.Variables`), else it is ``_``.
 """
 
 from collections.abc import Mapping, Sequence

@@ -14,7 +14,6 @@ from rmr.bytecode.program import ANY, Atom, Bind, Conjunct, Constant, Fold, Guar
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.provenance import FiringCause, FiringRecord
 from rmr.vm.ranks import rank_text
-from rmr.why.absence_tree import AbsenceNode
 from rmr.why.explain import Explainer
 from rmr.why.mind_index import MindIndex
 from rmr.why.partial_match import ConjunctVerdict, PartialMatch, PartialSearch, bound_by, matched
@@ -34,6 +33,7 @@ from rmr.why.rule_words import (
 )
 from rmr.why.sources import RuleSource
 from rmr.why.why_answer import removal
+from rmr.why.why_tree import AbsenceNode
 
 ROBOTS_SHOWN: Final = 3
 """Robots shown of those that could fire a rule for another one: those that came nearest."""

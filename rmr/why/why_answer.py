@@ -1,9 +1,8 @@
 """The answer to a question why: the trees of all that matches, newest first."""
 
-from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import Instant
 from rmr.vm.provenance import EffectCause, FiringCause
 from rmr.why.explain import DEPTH, Explainer, Premise
 from rmr.why.mind_index import MindIndex
@@ -11,32 +10,10 @@ from rmr.why.past import Past
 from rmr.why.past_items import PastAction, PastFact, PastGoal, PastItem
 from rmr.why.question import Question, WhyError
 from rmr.why.rule_words import item_text, rule_name, seconds_text
-from rmr.why.why_tree import WhyNode
+from rmr.why.why_tree import WhyAnswer
 
 ANSWERS_MAX: Final = 10
 """Answers shown where several items match; the newest ones."""
-
-
-@dataclass(slots=True)
-class WhyAnswer:
-    """What matches a question."""
-
-    question: str
-    at: Instant
-    """The latest insertion at or before this instant was looked for."""
-    known_until: Instant
-    trees: list[WhyNode] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the answer for JSON."""
-        return {
-            "question": self.question,
-            "at_s": in_seconds(self.at),
-            "known_until_s": in_seconds(self.known_until),
-            "answers": [tree.as_data() for tree in self.trees],
-            "notes": self.notes,
-        }
 
 
 def why(

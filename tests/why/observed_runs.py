@@ -17,11 +17,12 @@ from rmr.node.node import Node
 from rmr.vm.provenance import ProvenanceLog
 from rmr.why.absence import why_not
 from rmr.why.mind_index import MindIndex
-from rmr.why.past import Past
+from rmr.why.past import Past, Variables
 from rmr.why.question import question
-from rmr.why.variable_names import Variables, variable_names
-from rmr.why.why_answer import WhyAnswer, why
+from rmr.why.replayed_histories import variable_names
+from rmr.why.why_answer import why
 from rmr.why.why_text import absence_text, why_text
+from rmr.why.why_tree import WhyAnswer
 from rmr_sim.run_setup import Options, load
 
 
