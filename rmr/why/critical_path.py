@@ -39,9 +39,8 @@ from rmr.vm.provenance import (
 from rmr.why.delay import OWNER_OF, Delay, Interval, PathAction, TimeOwner, cut_at, merged, without
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, PastDelivery, PastFact, PastSend, TurnGate
-from rmr.why.pending import failure_broadcast, newest_arrival, next_supplier, on_its_way
 from rmr.why.radio_time import Attempts, radio_time
-from rmr.why.robot_history import RobotHistory
+from rmr.why.robot_history import RobotHistory, failure_broadcast, next_supplier, on_its_way
 from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
@@ -174,7 +173,7 @@ class CriticalPath:
         if not job.remote:
             return self._finish_fact(history, job, job.finish)
         source = int(job.finisher)
-        cause = newest_arrival(history, source, learned)
+        cause = history.newest_arrival(source, learned)
         if cause is None:
             return lambda: self._outside(robot, f"{job.text} of robot {source}", (source,))
         return lambda: self._delivery(robot, cause)

@@ -31,7 +31,7 @@ from rmr.vm.ranks import PENDING, rank_text, reading
 from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
 from rmr.why.past_items import EndedGoal, PastAction, PastFact, PastGoal, PastItem, PastSend
-from rmr.why.pending import failure_broadcast
+from rmr.why.robot_history import failure_broadcast
 from rmr.why.rule_words import conjunct_text, item_text, rule_name, rule_place_of, seconds_text
 from rmr.why.why_tree import RuleFiring, WhyNode
 
@@ -141,7 +141,7 @@ class Explainer:
                 return f"{because.words}; achieved {seconds_text(item.achieved)}"
             case PastGoal() if item.withdrawn is not None:
                 return f"{because.words}; {withdrawn_text(self._program, mind.robot, item)}"
-            case _:
+            case PastGoal() | PastFact():
                 return because.words
 
     # -- causes -------------------------------------------------------------------------------------------------------
