@@ -64,7 +64,7 @@ def test_supports_name_the_closest_calls_first_and_when_the_other_was_last_heard
     assert margins == sorted(margins)
     assert min(one.margin_m for one in supports if one.ground == "near") == lineage.closest_m > 0.0
     assert all(one.heard_ms <= one.at_ms for one in supports)
-    rules = {one.ground for one in supports} & {"danger", "right_of_way", "queue", "stopping"}
+    rules = {one.ground for one in supports} & {"ways", "right_of_way", "queue", "shield"}
     assert rules, "in the corridor a robot brakes for another"
 
 
@@ -171,7 +171,7 @@ type there(robot).
 goes(R, A) -o moveto(R, A).
 at(R, A) -o there(R).
 """
-PLANTED = frozenset({"silence", "overdue", "danger", "stopping", "arc", "shield"})
+PLANTED = frozenset({"silence", "overdue", "ways", "shield"})
 """Rules of motion without which a robot does not brake for what it sees, nor for one that it does not hear."""
 
 

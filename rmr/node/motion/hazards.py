@@ -1,30 +1,26 @@
 """The kinds of hazard rules: what slows or stops a robot. `speed_law` has their table and applies it.
 
-Each rule of the stages CAP and BODY takes the speed that the rules before it have allowed and returns one that is no
+Each rule of the stage CAP takes the speed that the rules before it have allowed and returns one that is no
 greater. So a rule that leaves the speed as it is has no effect on the run: the counts of `RuleSwitches` rest on that.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import Enum
 from types import MappingProxyType
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.geometry import Point, Pose
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant
-from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
 from rmr.node.motion.follow import Follower, braking_speed
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.goal_queue import SLACK_RADII, hold_m
 from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.queueing import waits_in_queue
 from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.stopping import stopping_speed
 from rmr.node.ports import SeenBody
 
-STRAIGHT_RAD: Final = 0.1
-"""A robot whose direction changes by less than this while it brakes counts as driving straight."""
 UNRANKED: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
 """No body has a place in the order."""
 
@@ -45,8 +41,6 @@ class HazardStage(Enum):
     """To the speed with which the path may be followed, before the path follower steers."""
     PERCEPTION = "perception"
     """To which bodies there are, and who of two goes first."""
-    BODY = "body"
-    """To the wheel command of the path follower, for each body around."""
     WHEELS = "wheels"
     """To the final command, or to that of a reverse manoeuvre."""
 
@@ -58,10 +52,10 @@ class HazardScene:
         "ahead",
         "arena",
         "bodies",
-        "cap",
         "follower",
         "gate",
         "heard_from",
+        "held_by",
         "now",
         "parked",
         "pose",
@@ -71,7 +65,6 @@ class HazardScene:
         "scale",
         "silence",
         "switches",
-        "twist",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, switches: RuleSwitches) -> None:
@@ -89,10 +82,8 @@ class HazardScene:
         self.parked: tuple[Point, ...] = ()
         self.ahead = 0
         """How many robots have the goal first."""
-        self.twist = Twist(0.0, 0.0)
-        """The wheel command that the rules for bodies judge."""
-        self.cap = 0.0
-        """The speed, m/s, at which each body is judged: the command's, or what is left of it on the arc."""
+        self.held_by: SeenBody | None = None
+        """The body that slows the wheel command of this tick most."""
         self.bodies: list[SeenBody] = []
         """Those in view, then those remembered, then those heard."""
         self.remembered_from = 0
@@ -189,70 +180,3 @@ class GoalRule(Hazard):
         shape = around.arena.shape
         room = hold_m(follower.route, shape, around.ahead) - follower.s
         return v if room < -SLACK_RADII * shape.radius else min(v, braking_speed(room))
-
-
-class DangerRule(Hazard):
-    """Stop if dangerous (paper IV.E)."""
-
-    def limit(self, around: HazardScene, v: float) -> float:
-        """Return the least of what the bodies ahead allow by their closest point of approach."""
-        scale = around.scale
-        ranked = around.ranked
-        cap = around.cap
-        for index, body in enumerate(around.bodies):
-            if body.x <= 0.0:
-                continue
-            by_side = gives_way_late(body)
-            late = ranked.get(body, by_side) if ranked else by_side
-            allowed = closing_limit(cap, body, scale, late)
-            if late != by_side and closing_limit(cap, body, scale, by_side) != allowed:
-                around.switches.count("order")
-            if allowed < v:
-                v = allowed
-                around.count_body(index)
-        return v
-
-
-class StoppingRule(Hazard):
-    """Able to stop short of a body that brakes now."""
-
-    def limit(self, around: HazardScene, v: float) -> float:
-        """Return the least speed from which the robot stops before each body ahead, should that brake now."""
-        scale = around.scale
-        cap = around.cap
-        for index, body in enumerate(around.bodies):
-            if body.x > 0.0 and (allowed := stopping_speed(cap, body, scale)) < v:
-                v = allowed
-                around.count_body(index)
-        return v
-
-
-class ArcRule(Hazard):
-    """Other rules again, along the chord of the arc on which the robot would brake."""
-
-    def __init__(self, rules: Sequence[Hazard], name: str, hazard: str, rule: str, where: str) -> None:
-        """`rules` are those that judge a body straight ahead."""
-        super().__init__(name, HazardStage.BODY, hazard, rule, where)
-        self.rules: Final = tuple(rules)
-
-    def limit(self, around: HazardScene, v: float) -> float:
-        """Return `v`, or less, for bodies abeam on the inner side of a turn: out of view until just before contact."""
-        turn = chord_angle(around.twist)
-        if abs(turn) <= STRAIGHT_RAD:
-            return v
-        bodies = around.bodies
-        ranked = around.ranked
-        cap = around.cap
-        around.bodies = [turned(body, turn) for body in bodies]
-        if ranked:
-            pairs = zip(around.bodies, bodies, strict=True)
-            around.ranked = {new: ranked[old] for new, old in pairs if old in ranked}
-        around.cap = v  # the arc is judged at the speed that driving straight on has left
-        for rule in self.rules:
-            if not around.switches.off(rule.name) and (allowed := rule.limit(around, v)) < v:
-                around.switches.count(rule.name)
-                v = allowed
-        around.bodies = bodies
-        around.ranked = ranked
-        around.cap = cap
-        return v

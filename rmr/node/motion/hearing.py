@@ -110,6 +110,7 @@ class Hearing:
         "_shape",
         "_silent",
         "_silent_from",
+        "ages_s",
         "by_sight",
         "cut_off",
         "fresh",
@@ -131,6 +132,8 @@ class Hearing:
         self._silent: list[ReportedState] = []
         self._silent_from: Instant = 0
         """Before this none of those can be near; 0: to be looked at."""
+        self.ages_s: list[float] = []
+        """How long ago each of those was heard that `around` has returned last, seconds."""
         self.fresh: list[ReportedState] = []
         """Those near that are not silent."""
         self.order = order_key(0, 0)
@@ -177,6 +180,7 @@ class Hearing:
         behind is taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
+        self.ages_s = []
         self.hides_remembered = False
         if not self.fresh:
             return heard
@@ -214,6 +218,7 @@ class Hearing:
                     break
             else:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
+                self.ages_s.append(age)
         return heard
 
     def goes_before(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> dict[SeenBody, bool]:

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from rmr.base.geometry import Point, Pose, distance, point_segment_distance
-from rmr.node.motion.avoid import chord_angle, closing_limit, gives_way_late, turned
 from rmr.node.motion.goal_queue import WAITING_RADII
 from rmr.node.motion.hazards import HazardScene
 from rmr.node.motion.navigator import Navigator
@@ -19,8 +18,6 @@ from rmr.node.motion.priority import Heard, order_key, share_of_speed
 from rmr.node.motion.queueing import queue_reach
 from rmr.node.motion.route import off_queue
 from rmr.node.motion.speed_control import REVERSE_POLL_M
-from rmr.node.motion.stopping import stopping_speed
-from rmr.node.ports import SeenBody
 
 SAME_RADII: Final = 2.0
 """A body nearer than this to the reported place of a robot is that robot."""
@@ -68,8 +65,8 @@ def hindrance(navigator: Navigator, rule: str, others: Neighbourhood) -> Hindran
             return Hindrance(rule, _ahead_in_queue(navigator, others))
         case "goal":
             return Hindrance(rule, _at_goal(navigator, others))
-        case "danger" | "stopping" | "arc":
-            return _behind_bodies(scene, rule, others)
+        case "ways":
+            return _for_body(scene, rule, others)
         case "reverse_guard":
             return _at(scene.pose, -REVERSE_POLL_M, navigator, rule, others)
         case "shield":
@@ -97,9 +94,7 @@ _CLAUSES: Final = {
     "right_of_way": "it gives {} the right of way",
     "queue": "it waits behind {} in the queue",
     "goal": "it waits for its goal, which {} has first",
-    "danger": "it stands for {}",
-    "stopping": "it stands for {}",
-    "arc": "it stands for {}",
+    "ways": "it stands for {}",
     "reverse_guard": "it cannot back up for {}",
     "shield": "it keeps its distance from {}",
     "sight": "it looks before it drives: a robot that is not heard may be near",
@@ -164,17 +159,9 @@ def _at_goal(navigator: Navigator, others: Neighbourhood) -> tuple[int, ...]:
     return () if robot is None else (robot,)
 
 
-def _behind_bodies(scene: HazardScene, rule: str, others: Neighbourhood) -> Hindrance:
-    """Return the body that allows the least speed."""
-    angle = chord_angle(scene.twist) if rule == "arc" else 0.0
-    least = math.inf
-    worst: SeenBody | None = None
-    for body in scene.bodies:
-        seen = turned(body, angle) if angle else body
-        allowed = _allowed(scene, body, seen)
-        if allowed < least:
-            least = allowed
-            worst = body
+def _for_body(scene: HazardScene, rule: str, others: Neighbourhood) -> Hindrance:
+    """Return the body that slows the robot most."""
+    worst = scene.held_by
     if worst is None:
         return Hindrance(rule)
     pose = scene.pose
@@ -184,14 +171,6 @@ def _behind_bodies(scene: HazardScene, rule: str, others: Neighbourhood) -> Hind
     if robot is not None:
         return Hindrance(rule, (robot,))
     return Hindrance(rule, (), f"a robot near ({x:.1f}, {y:.1f}) that no hello accounts for")
-
-
-def _allowed(scene: HazardScene, body: SeenBody, seen: SeenBody) -> float:
-    """Return the speed that the rules for bodies allow for `body`, which is `seen` from the direction of travel."""
-    if seen.x <= 0.0:
-        return math.inf
-    late = scene.ranked.get(body, gives_way_late(seen))
-    return min(closing_limit(scene.cap, seen, scene.scale, late), stopping_speed(scene.cap, seen, scene.scale))
 
 
 def _at(pose: Pose, ahead_m: float, navigator: Navigator, rule: str, others: Neighbourhood) -> Hindrance:

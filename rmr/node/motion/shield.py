@@ -160,8 +160,8 @@ def _way_past(twist: Twist, lead: LeadIn | None, other: TakenDisc, way: float) -
     while s < way:
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
         if lead is None:
-            x = forward * _along(bend, ahead)
-            y = forward * _aside(bend, ahead)
+            x = forward * along(bend, ahead)
+            y = forward * aside(bend, ahead)
         else:
             x, y = on_the_way(lead, bend, ahead)
         room = hypot(other.x - x, other.y - y) - floor - _astray(ahead, leads_away)
@@ -179,8 +179,8 @@ def _way_before(twist: Twist, lead: LeadIn | None, nx: float, ny: float, half: f
     ahead = 0.0
     while s < way:
         if lead is None:
-            x = forward * _along(bend, s)
-            y = forward * _aside(bend, s)
+            x = forward * along(bend, s)
+            y = forward * aside(bend, s)
         else:
             x, y = on_the_way(lead, bend, s)
         room = max(0.0, half) - (x * nx + y * ny) - _astray(s, False)
@@ -207,8 +207,8 @@ def _way_within(twist: Twist, lead: LeadIn | None, pose: Pose, arena: Arena, kee
     while s < way:
         ahead = min(way, s + max(STEP_M, room / (1.0 + SLOPE)))
         if lead is None:
-            x = _along(bend, ahead)
-            y = _aside(bend, ahead)
+            x = along(bend, ahead)
+            y = aside(bend, ahead)
         else:
             x, y = on_the_way(lead, bend, ahead)
         clear = arena.clearance(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos)
@@ -241,18 +241,18 @@ def on_the_way(lead: LeadIn, bend: float, s: float) -> tuple[float, float]:
         x += math.cos(heading) * step
         y += math.sin(heading) * step
     heading = part * (lead.bend + 0.5 * change * part)
-    along = _along(bend, s - part)
-    aside = _aside(bend, s - part)
+    ahead = along(bend, s - part)
+    left = aside(bend, s - part)
     cos = math.cos(heading)
     sin = math.sin(heading)
-    return x + cos * along - sin * aside, y + sin * along + cos * aside
+    return x + cos * ahead - sin * left, y + sin * ahead + cos * left
 
 
-def _along(bend: float, s: float) -> float:
+def along(bend: float, s: float) -> float:
     """Return the coordinate ahead, metres, after `s` on an arc of the curvature `bend`, 1/m."""
     return s if abs(bend * s) < 1e-6 else math.sin(bend * s) / bend
 
 
-def _aside(bend: float, s: float) -> float:
+def aside(bend: float, s: float) -> float:
     """Return the coordinate to the left, metres, after `s` on an arc of the curvature `bend`, 1/m."""
     return 0.5 * bend * s * s if abs(bend * s) < 1e-6 else (1.0 - math.cos(bend * s)) / bend

@@ -11,7 +11,7 @@ from typing import Final
 from rmr.base.arena import ROUNDING_M, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot
 from rmr.base.time import Instant
-from rmr.node.motion.avoid import STILL_MPS
+from rmr.node.motion.avoid import STILL_MPS, gives_way_late
 from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.braking import LeadIn, Wheels
 from rmr.node.motion.follow import Follower
@@ -21,6 +21,7 @@ from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.shield import Shield, TakenDisc
 from rmr.node.motion.speed_law import SpeedLaw
+from rmr.node.motion.ways import GAP_M, HEARD_GAP_M, HEARD_SIGMAS, WaysToStand
 from rmr.node.ports import SeenBody
 
 REVERSE_MPS: Final = 0.08
@@ -46,6 +47,8 @@ at most 0.5, but near the line through the beacons (docs/safety.md)."""
 SIGHT_RADIUS_M: Final = 0.5
 """Least radius of an arc that leads only over floor that was in view just before, times the size of the robots."""
 
+WAYS: Final = "ways"
+"""The rule by which robots that drive keep their ways to stand apart."""
 SHIELD: Final = "shield"
 """The rule that has the last word over each wheel command that drives."""
 SILENCED: Final = "silence"
@@ -64,6 +67,7 @@ class SpeedControl:
         "_seen",
         "_shield",
         "_switches",
+        "_ways",
         "arena",
         "hearing",
         "law",
@@ -83,6 +87,7 @@ class SpeedControl:
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
+        self._ways = WaysToStand(self.scene.scale)
         self.wheels = Wheels(arena.shape)
         self._clearance = -math.inf
         """Distance to the nearest wall, metres, from the place where that was measured last."""
@@ -146,7 +151,7 @@ class SpeedControl:
         around.ranked = UNRANKED
         if not self._switches.off("order"):
             around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
-        return self._shielded(self.law.slowed(around, twist), walls=walls)
+        return self._shielded(twist, walls=walls)
 
     def by_hand(self, twist: Twist) -> Twist:
         """Return the command of an action that drives by itself: the speed law still has the last word.
@@ -212,24 +217,61 @@ class SpeedControl:
 
     def _shielded(self, twist: Twist, *, walls: bool = True) -> Twist:
         """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
-        if twist.v == 0.0 or self._switches.off(SHIELD):
+        if twist.v == 0.0:
             return twist
         # A robot that brakes drives along the new arc at the speed that it still has, else it stays on the old one.
         now = self.scene.now
         arc = self.wheels.braking(now, twist)
         judged = twist if arc is None else arc
         lead = self.wheels.lead(now, judged)
-        share = self._share(judged, lead, walls=walls)
+        share = 1.0
+        if not self._switches.off(WAYS) and (apart := self._apart(judged, lead)) < share:
+            share = apart
+            self._switches.count(WAYS)
+            self.law.limited_by = WAYS
+        if not self._switches.off(SHIELD) and (before := self._share(judged, lead, walls=walls)) < share:
+            share = before
+            self._switches.count(SHIELD)
+            self.law.limited_by = SHIELD
         if share >= 1.0:
             return twist
-        self._switches.count(SHIELD)
-        self.law.limited_by = SHIELD
         slower = Twist(share * twist.v, share * twist.w)
         if arc is not None or self.wheels.braking(now, slower) is not None:
             return STILL
         if lead is None or self._share(slower, self.wheels.lead(now, slower), walls=walls) >= 1.0:
             return slower
         return self.wheels.slow(slower, lead)
+
+    def _apart(self, twist: Twist, lead: LeadIn | None) -> float:
+        """Return the share of `twist`, to whose arc `lead` leads, that keeps clear of the ways of others.
+
+        A robot that backs up is left to `reverse_guard`.
+        """
+        around = self.scene
+        around.held_by = None
+        share = 1.0
+        if twist.v <= 0.0:
+            return share
+        ways = self._ways
+        ranked = around.ranked
+        ages_s = self.hearing.ages_s
+        heard_from = around.heard_from
+        for index, body in enumerate(around.bodies):
+            age_s = 0.0
+            gap = GAP_M
+            if index >= heard_from:
+                age_s = ages_s[index - heard_from]
+                gap = max(HEARD_GAP_M, HEARD_SIGMAS * self.sigma_m)
+            by_side = gives_way_late(body)
+            first = ranked.get(body, by_side) if ranked else by_side
+            free = ways.clear(twist, body, gap, age_s, first=first, lead=lead)
+            if first != by_side and ways.clear(twist, body, gap, age_s, first=by_side, lead=lead) != free:
+                self._switches.count("order")
+            if free < share:
+                share = free
+                around.held_by = body
+                around.count_body(index)
+        return share
 
     def _share(self, twist: Twist, lead: LeadIn | None, *, walls: bool) -> float:
         """Return the share of `twist`, to whose arc `lead` leads, that the shield permits."""

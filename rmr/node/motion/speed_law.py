@@ -1,15 +1,12 @@
 """The speed law: the ordered table of all hazard rules, and its application to one robot each tick.
 
 Rules of the stage CAP limit the speed with which the path may be followed. The path follower then steers, and rules of
-the stage BODY slow its wheel command along the same arc for each body around. docs/motion.md shows the table.
+the stage WHEELS slow its command along the same arc. docs/motion.md shows the table.
 """
 
 from typing import Final
 
-from rmr.base.geometry import Twist
 from rmr.node.motion.hazards import (
-    ArcRule,
-    DangerRule,
     GateRule,
     GoalRule,
     Hazard,
@@ -18,30 +15,9 @@ from rmr.node.motion.hazards import (
     QueueRule,
     RightOfWay,
     SilenceRule,
-    StoppingRule,
 )
 from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.rule_switches import RuleSwitches
-
-STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
-    DangerRule(
-        "danger",
-        HazardStage.BODY,
-        "a body ahead",
-        "*stop if dangerous* (paper IV.E): the speed falls with the gap to a body whose closest point of approach is "
-        "nearer than two radii and 25 mm",
-        "avoid.py",
-    ),
-    StoppingRule(
-        "stopping",
-        HazardStage.BODY,
-        "a body ahead that stops",
-        "*able to stop*: the robot can always stop short of the place where the other robot would stand if it braked "
-        "now, even if this robot's own process stops at this moment",
-        "stopping.py",
-    ),
-)
-"""The rules that judge a body on the straight way ahead."""
 
 HAZARDS: Final[tuple[Hazard, ...]] = (
     GateRule(
@@ -128,20 +104,19 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "order",
         HazardStage.PERCEPTION,
         "paths that converge, as before the gate",
-        "the later in the order slows down early for the other, at 2.5 (m/s)/m of gap, the earlier late, at 6 "
-        "(m/s)/m, whichever side the other is on; without an order the robot that has the other on its right gives "
-        "way",
-        "avoid.py",
+        "the later in the order slows down early for the other and leaves it 0.25 s more of its way, the earlier "
+        "brakes late, whichever side the other is on; without an order the robot that has the other on its right "
+        "gives way",
+        "ways.py",
     ),
-    *STRAIGHT_ON,
-    ArcRule(
-        STRAIGHT_ON,
-        "arc",
-        "a body abeam, on the inner side of a turn",
-        "a robot whose direction changes by more than 0.1 rad while it brakes applies the two rules above a second "
-        "time, along the chord of the arc on which it would brake, also to robots that it hears up to 10 cm behind "
-        "its axle",
-        "hazards.py",
+    Hazard(
+        "ways",
+        HazardStage.WHEELS,
+        "a body around",
+        "*ways to stand*: the command is slowed along its arc, so that the way on which the robot comes to stand is "
+        "clear of [that of each other one](safety.md#robots-that-drive), even if that brakes now and the own process "
+        "stops in this very moment",
+        "ways.py",
     ),
     Hazard(
         "sight",
@@ -191,7 +166,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
 class SpeedLaw:
     """The rules of `HAZARDS` that are in force, applied in order."""
 
-    __slots__ = ("_body_rules", "_caps", "_switches", "limited_by")
+    __slots__ = ("_caps", "_switches", "limited_by")
 
     def __init__(self, switches: RuleSwitches) -> None:
         self._switches = switches
@@ -199,7 +174,6 @@ class SpeedLaw:
         """The rule that has lowered the speed of this tick last; empty: none has."""
         in_force = [rule for rule in HAZARDS if not switches.off(rule.name)]
         self._caps: Final = [rule for rule in in_force if rule.stage is HazardStage.CAP]
-        self._body_rules: Final = [rule for rule in in_force if rule.stage is HazardStage.BODY]
 
     def cap(self, around: HazardScene) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
@@ -211,18 +185,3 @@ class SpeedLaw:
                 self.limited_by = rule.name
                 v = allowed
         return v
-
-    def slowed(self, around: HazardScene, twist: Twist) -> Twist:
-        """Return `twist`, slowed along its arc as the bodies of `around` demand; a turn or a reverse stays as it is."""
-        if twist.v <= 0.0 or not around.bodies:
-            return twist
-        v = twist.v
-        around.twist = twist
-        around.cap = v
-        for rule in self._body_rules:
-            if (allowed := rule.limit(around, v)) < v:
-                self._switches.count(rule.name)
-                self.limited_by = rule.name
-                v = allowed
-        # The turn rate falls with the speed: the arc, which the path needs, stays the same.
-        return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)

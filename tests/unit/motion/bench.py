@@ -12,14 +12,15 @@ from random import Random
 
 from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
+from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.node.motion import forecast
-from rmr.node.motion.hazards import UNRANKED, HazardScene
+from rmr.node.motion.avoid import gives_way_late
+from rmr.node.motion.hazards import UNRANKED
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
-from rmr.node.motion.rule_switches import RuleSwitches
-from rmr.node.motion.speed_law import SpeedLaw
+from rmr.node.motion.ways import GAP_M, WaysToStand
 from rmr.node.ports import SeenBody
 
 ACCEL = 0.8
@@ -60,13 +61,13 @@ TESTBED_STARTS = tuple(Pose(0.10, y, 0.0) for y in (0.15, 0.37, 0.59, 0.91, 1.13
 
 
 def limit_twist(twist: Twist, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bool] = UNRANKED) -> Twist:
-    """Return `twist` as the speed law allows it; `first`: whether the robot goes before a body that has a rank."""
-    switches = RuleSwitches()
-    around = HazardScene(testbed(), switches)
-    around.bodies = list(bodies)
-    around.remembered_from = around.heard_from = len(bodies)
-    around.ranked = first
-    return SpeedLaw(switches).slowed(around, twist)
+    """Return `twist` as the law of ways allows it; `first`: whether the robot goes before a body that has a rank."""
+    ways = WaysToStand(scale_of(testbed().shape))
+    share = 1.0
+    for body in bodies if twist.v > 0.0 else ():
+        goes = first.get(body, gives_way_late(body))
+        share = min(share, ways.clear(twist, body, GAP_M, 0.0, first=goes))
+    return Twist(share * twist.v, share * twist.w) if share < 1.0 else twist
 
 
 def safe_speed(v: float, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bool] = UNRANKED) -> float:

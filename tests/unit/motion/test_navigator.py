@@ -209,7 +209,7 @@ def test_a_robot_that_turns_slows_for_one_abeam_on_its_left_that_it_hears_but_do
     nav, pose = Navigator(ROOM, 1), Pose(0.5, 0.5, 0.0)
     nav.hearing.update(pose, [ReportedState(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
     nav.drive(0.2, w)
-    assert (nav.step(0, pose, (), False).v < 0.06) is slowed
+    assert (nav.step(0, pose, (), False).v < 0.16) is slowed
 
 
 def test_a_robot_late_in_the_order_gives_way_to_one_it_cannot_see():
@@ -247,7 +247,7 @@ def test_a_robot_whose_goal_is_taken_leaves_the_way_to_it_only_to_retreat(gated:
             now = tick_start(tick)
             if tick % 12 == 0:
                 navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
-            navigator.step(now, start, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+            navigator.step(now, start, [SeenBody(0.155, 0.0, 0.0, 0.0)], bumped=False)
             found.add((navigator.route.points[-1] == goal, navigator.route.gate_m is not None))
         return found
 
@@ -268,7 +268,7 @@ def test_a_robot_that_has_retreated_and_finds_no_way_back_retreats_elsewhere():
             now = tick_start(tick)
             if tick % 12 == 0:
                 navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
-            navigator.step(now, start, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+            navigator.step(now, start, [SeenBody(0.155, 0.0, 0.0, 0.0)], bumped=False)
             found.add(navigator.route.points[-1])
         return found
 

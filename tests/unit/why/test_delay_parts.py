@@ -132,27 +132,27 @@ def standing(begin, end, rule, whom=(4,)):
 
 
 def test_neighbours_that_stand_for_one_robot_by_several_rules_are_one_interval():
-    found = merged([standing(0, 2, "danger"), standing(2, 3, "arc"), standing(3, 5, "danger")])
-    assert found == (standing(0, 5, "danger, arc"),)
+    found = merged([standing(0, 2, "ways"), standing(2, 3, "shield"), standing(3, 5, "ways")])
+    assert found == (standing(0, 5, "ways, shield"),)
 
 
 def test_neighbours_that_stand_for_different_robots_stay_apart():
-    intervals = (standing(0, 2, "danger"), standing(2, 3, "danger", (5,)))
+    intervals = (standing(0, 2, "ways"), standing(2, 3, "ways", (5,)))
     assert merged(intervals) == intervals
 
 
 def test_interval_is_cut_at_the_deadline():
-    assert cut_at((standing(0, 5, "danger"), standing(5, 9, "arc")), 3) == (
-        standing(0, 3, "danger"),
-        standing(3, 5, "danger"),
-        standing(5, 9, "arc"),
+    assert cut_at((standing(0, 5, "ways"), standing(5, 9, "shield")), 3) == (
+        standing(0, 3, "ways"),
+        standing(3, 5, "ways"),
+        standing(5, 9, "shield"),
     )
 
 
 def test_time_in_which_the_robot_was_called_late_goes_to_that_owner():
-    parts = without([standing(0, 10, "danger")], [(2, 4), (8, 12)], TimeOwner.LATE_TICK, 1, "late")
+    parts = without([standing(0, 10, "ways")], [(2, 4), (8, 12)], TimeOwner.LATE_TICK, 1, "late")
     late = [Interval(2, 4, TimeOwner.LATE_TICK, 1, (), "late"), Interval(8, 10, TimeOwner.LATE_TICK, 1, (), "late")]
-    assert parts == [standing(0, 2, "danger"), late[0], standing(4, 8, "danger"), late[1]]
+    assert parts == [standing(0, 2, "ways"), late[0], standing(4, 8, "ways"), late[1]]
 
 
 def lived(*lives):
