@@ -393,7 +393,7 @@ class Navigator:
         self._as_if_left = route is None
         if route is None:
             route = route_as_if_left(self.arena, start, order, self._parked, around, at_goal=keep)
-        if keep and route is not None and self._loses_turn(route):
+        if keep and route is not None and (self._loses_turn(route) or self._queues_for_others(route, around)):
             return False
         if route is None:
             if not keep:
@@ -417,6 +417,14 @@ class Navigator:
         gate = self._gate
         bound = gate.opened and not gate.passed and self.arena.has_shared_passages
         return bound and gate.passage is not None and route.passage != gate.passage
+
+    def _queues_for_others(self, route: Route, around: tuple[Point, ...]) -> bool:
+        """Return whether `route` leads to a passage, from a way without any, around robots that will drive on.
+
+        The turn is still to come: a crowd before a wide door would stand in it, each waiting for the narrow one.
+        """
+        old = self.route
+        return old is not None and old.gate_m is None and route.gate_m is not None and around != self._parked
 
     @property
     def may_be_barred(self) -> bool:

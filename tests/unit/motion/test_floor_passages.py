@@ -7,13 +7,14 @@ import pytest
 
 from rmr.base.arena import Area, Arena, FloorPassage, RobotShape
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import seconds
+from rmr.base.time import seconds, tick_start
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.replanning import ordered_route
 from rmr.node.motion.route import DriveOrder, leader_route, make_route
+from rmr.node.ports import SeenBody
 
 
 def area(name, x, y):
@@ -184,3 +185,20 @@ def test_a_robot_does_not_follow_its_leader_through_a_passage_to_a_place_before_
         route = ordered_route(ROW, WEST, DriveOrder(goal, shared, through_gate=True), ())
         assert route is not None
         assert route.passage == passage
+
+
+def test_a_robot_in_a_crowd_before_an_open_door_does_not_queue_for_the_passage_beside_it():
+    walls = tuple(bench.box(1.0, low, 1.3, high) for low, high in ((0.0, 0.4), (1.0, 1.5), (1.74, 2.4)))
+    ends = (area("w", 0.9, 1.62), area("e", 1.4, 1.62))
+    arena = Arena(2.4, 2.4, 0.05, walls, ends, passages=(FloorPassage("narrow", ends),))
+    navigator = Navigator(arena, 1)
+    at = Pose(0.85, 0.7, 0.0)
+    assert navigator.go(0, at, Point(2.0, 0.7), through_gate=True)
+    assert navigator.route is not None and navigator.route.gate_m is None
+    crowd = [SeenBody(0.16, y, 0.0, 0.0) for y in (-0.15, 0.0, 0.15)]
+    tried = set()
+    for tick in range(480):
+        navigator.step(tick_start(tick), at, crowd, bumped=False)
+        tried.add(navigator.policy.chosen)
+        assert navigator.route.gate_m is None
+    assert "reverse" in tried
