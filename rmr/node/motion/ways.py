@@ -16,7 +16,7 @@ from typing import Final, final
 from rmr.base.arena import BRAKE
 from rmr.base.geometry import Twist, hypot, point_segment_distance
 from rmr.base.motion_scale import LAG_S, PLANNED_BRAKE, MotionScale, blur_m
-from rmr.node.motion.avoid import STILL_MPS
+from rmr.node.motion.avoid import CREEPING_MPS, STILL_MPS
 from rmr.node.motion.braking import LeadIn
 from rmr.node.motion.shield import STEP_M, along, aside, on_the_way
 from rmr.node.ports import SeenBody
@@ -26,6 +26,12 @@ GAP_M: Final = 0.012
 HEARD_GAP_M: Final = 0.016
 """The same of a robot that is heard and not seen, or HEARD_SIGMAS of the own estimate if that is more."""
 HEARD_SIGMAS: Final = 3.0
+BEFORE_M: Final = 0.018
+"""How much more is left before one that stands or manoeuvres, times the size: there has to be room to turn past it."""
+PAST_M: Final = 0.08
+"""Where so much of the arc, times the size, keeps the least gap, it leads past the other one and not before it."""
+PAST_MPS: Final = 0.04
+"""Speed with which one that stands is passed where the gap is least."""
 RISE: Final = 0.2
 """How much more is left for each metre of the own way: its direction is not exact, nor that of the other one."""
 AHEAD_S: Final = 0.25
@@ -38,10 +44,12 @@ EXACT_M: Final = 1e-4
 class WaysToStand:
     """The law for robots of one shape."""
 
-    __slots__ = ("_scale", "_touch")
+    __slots__ = ("_before", "_past", "_speed", "_touch")
 
     def __init__(self, scale: MotionScale) -> None:
-        self._scale: Final = scale
+        self._speed: Final = scale.speed
+        self._before: Final = BEFORE_M * scale.size
+        self._past: Final = PAST_M * scale.size
         self._touch: Final = 2.0 * scale.radius
 
     def clear(
@@ -57,52 +65,88 @@ class WaysToStand:
             return 1.0
         brake = BRAKE if first else PLANNED_BRAKE
         way = v * LAG_S + v * v / (2.0 * brake)
-        x0 = body.x
-        y0 = body.y
         u = hypot(body.vx, body.vy)
-        keep = self._touch + gap_m + blur_m(min(self._scale.speed, u))
-        ux = uy = end = ahead_m = 0.0
-        if u > STILL_MPS:
-            ux = body.vx / u
-            uy = body.vy / u
-            end = u * LAG_S + u * u / (2.0 * BRAKE)
-            ahead_m = 0.0 if first else AHEAD_S * u
-        else:
-            u = 0.0
-        if hypot(x0, y0) - end - ahead_m - u * age_s - keep >= way * (1.0 + RISE):
+        stands = u <= STILL_MPS
+        keep = self._touch + gap_m + blur_m(min(self._speed, u))
+        reach = 0.0 if stands else u * (LAG_S + age_s) + u * u / (2.0 * BRAKE)
+        ahead_m = 0.0 if stands or first else AHEAD_S * u
+        if hypot(body.x, body.y) - reach - ahead_m - keep - self._before >= way * (1.0 + RISE):
             return 1.0
-        begin = _least(u, age_s, 0.0)
-        bx = x0 + ux * begin
-        by = y0 + uy * begin
-        far = end + ahead_m
-        away = point_segment_distance(0.0, 0.0, bx, by, x0 + ux * far, y0 + uy * far)
+        other = _Course(body, age_s, ahead_m)
+        away = other.distance(0.0, 0.0, 0.0)
         if away < keep and ahead_m > 0.0:
-            far = end
-            away = point_segment_distance(0.0, 0.0, bx, by, x0 + ux * far, y0 + uy * far)
-        ex = x0 + ux * far
-        ey = y0 + uy * far
-        floor = min(keep, away)
-        rise = 0.0 if away < keep else RISE
-        forward = 1.0 if twist.v > 0.0 else -1.0
-        bend = twist.w / v
-        room = away - floor
-        s = 0.0
-        while s < way:
-            ahead = min(way, s + max(STEP_M, room / (1.0 + rise)))
-            if lead is None:
-                x = forward * along(bend, ahead)
-                y = forward * aside(bend, ahead)
-            else:
-                x, y = on_the_way(lead, bend, ahead)
-            if u > 0.0:
-                least = _least(u, age_s, _soonest(v, brake, ahead))
-                bx = x0 + ux * least
-                by = y0 + uy * least
-            room = point_segment_distance(x, y, bx, by, ex, ey) - floor - rise * ahead
-            if room < -EXACT_M:
-                return brake * (math.sqrt(LAG_S * LAG_S + 2.0 * s / brake) - LAG_S) / v
-            s = ahead
-        return 1.0
+            other = _Course(body, age_s, 0.0)
+            away = other.distance(0.0, 0.0, 0.0)
+        past = u >= CREEPING_MPS or _free(twist, lead, other, self._past, min(keep, away), 0.0, brake) >= self._past
+        if not past:
+            keep += self._before
+        free = _free(twist, lead, other, way, min(keep, away), RISE if away >= keep else 0.0, brake)
+        if free >= way:
+            return 1.0
+        share = brake * (math.sqrt(LAG_S * LAG_S + 2.0 * free / brake) - LAG_S) / v
+        return max(share, min(1.0, PAST_MPS / v)) if past and stands else share
+
+
+@final
+class _Course:
+    """Where another robot can be: on the line on which it drives, until it stands."""
+
+    __slots__ = ("_age_s", "_end_x", "_end_y", "_u", "_ux", "_uy", "_x", "_y")
+
+    def __init__(self, body: SeenBody, age_s: float, ahead_m: float) -> None:
+        """`ahead_m`: how much farther than its way to stand it is taken to drive, metres."""
+        u = hypot(body.vx, body.vy)
+        if u <= STILL_MPS:
+            u = 0.0
+        self._x: Final = body.x
+        self._y: Final = body.y
+        self._u: Final = u
+        self._ux: Final = body.vx / u if u > 0.0 else 0.0
+        self._uy: Final = body.vy / u if u > 0.0 else 0.0
+        self._age_s: Final = age_s
+        far = u * LAG_S + u * u / (2.0 * BRAKE) + ahead_m
+        self._end_x: Final = body.x + self._ux * far
+        self._end_y: Final = body.y + self._uy * far
+
+    def distance(self, x: float, y: float, after_s: float) -> float:
+        """Return how near it can be to (x, y) from `after_s` on, metres.
+
+        It is no nearer than one that has braked right after its hello, and is taken to have driven on.
+        """
+        u = self._u
+        if u == 0.0:
+            return hypot(x - self._x, y - self._y)
+        brakes = min(self._age_s + after_s, u / BRAKE)
+        least = u * brakes - 0.5 * BRAKE * brakes * brakes - u * self._age_s
+        return point_segment_distance(
+            x, y, self._x + self._ux * least, self._y + self._uy * least, self._end_x, self._end_y
+        )
+
+
+def _free(
+    twist: Twist, lead: LeadIn | None, other: _Course, way: float, floor: float, rise: float, brake: float
+) -> float:
+    """Return how much of `way`, metres along `lead` and the arc of `twist`, is `floor` off the `other` one.
+
+    `rise`: how much farther off it is after each metre.
+    """
+    v = abs(twist.v)
+    forward = 1.0 if twist.v > 0.0 else -1.0
+    bend = twist.w / v
+    room = other.distance(0.0, 0.0, 0.0) - floor
+    s = 0.0
+    while s < way:
+        ahead = min(way, s + max(STEP_M, room / (1.0 + rise)))
+        if lead is None:
+            x = forward * along(bend, ahead)
+            y = forward * aside(bend, ahead)
+        else:
+            x, y = on_the_way(lead, bend, ahead)
+        room = other.distance(x, y, _soonest(v, brake, ahead)) - floor - rise * ahead
+        if room < -EXACT_M:
+            return s
+        s = ahead
+    return way
 
 
 def _soonest(v: float, brake: float, s: float) -> float:
@@ -111,12 +155,3 @@ def _soonest(v: float, brake: float, s: float) -> float:
     if rest <= 0.0:
         return s / v
     return LAG_S + (v - math.sqrt(max(0.0, v * v - 2.0 * brake * rest))) / brake
-
-
-def _least(u: float, age_s: float, after_s: float) -> float:
-    """Return how far at least a robot of `u` m/s is `after_s` from now, metres from where it is taken to be now.
-
-    It may have braked `age_s` ago, and is taken to have driven on.
-    """
-    brakes = min(age_s + after_s, u / BRAKE)
-    return u * brakes - 0.5 * BRAKE * brakes * brakes - u * age_s

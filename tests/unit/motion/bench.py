@@ -116,6 +116,11 @@ class Body:
         ex, ey, et = self.error
         return Pose(self.x + ex, self.y + ey, wrap(self.theta + et))
 
+    def said(self, now: Instant, rank: int = 0) -> ReportedState:
+        pose = self.estimate
+        vx, vy = self.v * math.cos(pose.theta), self.v * math.sin(pose.theta)
+        return ReportedState(self.robot, pose.x, pose.y, vx, vy, now, self.nav.parked, False, rank)
+
     def move(self) -> None:
         dv = self.command.v * self.gain_v - self.v
         dw = self.command.w * self.gain_w - self.w
@@ -209,6 +214,12 @@ class Bench:
         for body, bump in zip(self.bodies, bumped, strict=True):
             body.bumped = bump
 
+    def say(self) -> None:
+        """Let each robot hear at once where the others are and how they drive, without an order."""
+        for body in self.bodies:
+            others = [other.said(self.now) for other in self.bodies if other is not body]
+            body.nav.hearing.update(body.estimate, others)
+
     def run(self, done, until_s: float) -> bool:
         """Step until `done()` or the time is over; return whether it became true."""
         while self.time < until_s:
@@ -271,11 +282,10 @@ class Stream:
         bench = self.bench
         known, driving = [], []
         for body in self.order:
-            pose, rank, parked = body.estimate, self.rank(body), body.nav.parked
-            vx, vy = body.v * math.cos(pose.theta), body.v * math.sin(pose.theta)
-            known.append(ReportedState(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
-            if not parked:
-                driving.append(Heard(body.robot, pose, body.nav.goal, rank, bench.now))
+            rank = self.rank(body)
+            known.append(body.said(bench.now, rank))
+            if not body.nav.parked:
+                driving.append(Heard(body.robot, body.estimate, body.nav.goal, rank, bench.now))
         for body in self.order:
             others = [heard for heard in driving if heard.robot != body.robot]
             body.nav.update_moving(bench.now, self.rank(body), others)

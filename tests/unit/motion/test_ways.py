@@ -36,10 +36,9 @@ def test_speed_falls_with_the_gap_to_a_standing_body_and_is_zero_at_the_end():
 
 
 def test_a_body_that_goes_ahead_at_the_same_speed_does_not_stop_the_robot():
-    follows = body(0.205, vx=FULL)
-    assert safe_speed(FULL, [follows]) == FULL
+    assert safe_speed(FULL, [body(0.205, vx=FULL)]) == FULL
     near = body(0.19, vx=FULL)
-    assert 0.8 * FULL < safe_speed(FULL, [near]) < FULL
+    assert 0.8 * FULL < safe_speed(FULL, [near]) < FULL, "it slows early for one that brakes harder than it would"
     assert safe_speed(FULL, [near], {near: True}) == FULL
 
 
@@ -56,8 +55,14 @@ def test_a_body_that_is_passed_too_close_slows_the_robot():
 
 
 def test_a_standing_body_that_going_on_brings_no_nearer_is_passed():
-    assert safe_speed(FULL, [body(0.0, 0.145)]) == FULL
-    assert safe_speed(FULL, [body(0.08, 0.14)]) < 0.1
+    assert safe_speed(FULL, [body(0.01, 0.16)]) == FULL
+    assert safe_speed(FULL, [body(0.08, 0.14)]) < 0.02
+
+
+def test_one_that_stands_is_passed_slowly_where_the_gap_is_least_and_not_driven_up_to():
+    assert 0.0 < safe_speed(FULL, [body(0.02, 0.1525)]) < 0.05
+    assert safe_speed(FULL, [body(0.17, 0.0)]) < 0.005, "there would be no room to turn"
+    assert safe_speed(FULL, [body(0.17, 0.0, vx=0.08)]) < 0.1, "one that makes room is not followed up to its hull"
 
 
 def test_a_body_that_moves_out_of_the_way_may_stop_in_it():
@@ -65,7 +70,7 @@ def test_a_body_that_moves_out_of_the_way_may_stop_in_it():
 
 
 def test_a_body_that_creeps_out_of_the_way_may_stop_in_it():
-    assert safe_speed(FULL, [body(0.065, -0.142, vx=-0.011, vy=-0.028)]) < 0.06
+    assert safe_speed(FULL, [body(0.065, -0.142, vx=-0.011, vy=-0.028)]) < 0.03
 
 
 def test_touching_bodies_stop_the_robot_whatever_else_it_sees():
@@ -80,7 +85,7 @@ def test_an_arc_keeps_its_curvature_when_it_is_slowed():
 
 def test_a_moving_body_abeam_on_the_inner_side_of_a_turn_slows_the_robot():
     abeam = body(-0.005, 0.168, 0.04, -0.045)
-    assert limit_twist(Twist(FULL, 2.2), [abeam]).v < 0.16
+    assert limit_twist(Twist(FULL, 2.2), [abeam]).v < 0.06
     assert limit_twist(Twist(FULL, 0.0), [abeam]).v == FULL
     assert limit_twist(Twist(FULL, -2.2), [abeam]).v == FULL
 
@@ -104,9 +109,9 @@ def test_of_two_that_cross_the_one_with_the_other_on_its_right_slows_more():
 
 
 def test_of_two_that_cross_the_later_in_the_order_slows_more_whichever_side_it_comes_from():
-    for other in (body(0.17, -0.17, 0.0, 0.2), body(0.17, 0.17, 0.0, -0.2)):
+    for other in (body(0.15, -0.15, 0.0, 0.2), body(0.15, 0.15, 0.0, -0.2)):
         goes_first = safe_speed(FULL, [other], {other: True})
-        assert 0.0 < safe_speed(FULL, [other], {other: False}) < 0.7 * goes_first
+        assert 0.0 < safe_speed(FULL, [other], {other: False}) < 0.5 * goes_first
 
 
 def test_one_that_is_on_the_way_of_the_earlier_one_goes_on_out_of_it():
