@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Final
 
 from rmr.base.arena import Arena, FloorPassage
-from rmr.base.geometry import Point, Pose
+from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import in_seconds
 from rmr.node.crossing.resource import OFF_ROUTE_M, entry_route, located
 from rmr.node.motion.astar import plan
@@ -26,7 +26,20 @@ def barring(arena: Arena, start: Point, goal: Point, lost: Mapping[int, LostRobo
     if not lost:
         return ()
     from_ = Point(round(start.x / PLACE_M) * PLACE_M, round(start.y / PLACE_M) * PLACE_M)
-    return _barring(arena, from_, goal, tuple((robot, body.place) for robot, body in lost.items()))
+    keep = 2.0 * arena.shape.radius
+    return _barring(arena, from_, goal, tuple((robot, _off(body.place, from_, keep)) for robot, body in lost.items()))
+
+
+def _off(place: Point, start: Point, keep: float) -> Point:
+    """Return `place`, or farther away behind it: a body nearer than `keep` to the robot at `start` would touch it.
+
+    It has driven on since it was heard last. A plan leads past an obstacle in which it begins.
+    """
+    away = distance(*place, *start)
+    if away >= keep or away == 0.0:
+        return place
+    farther = keep / away
+    return Point(start.x + (place.x - start.x) * farther, start.y + (place.y - start.y) * farther)
 
 
 @lru_cache(maxsize=256)
