@@ -1,11 +1,11 @@
 """Two and three robots with the law of ways alone: no hulls overlap, whichever way they are sent.
 
-Kinematic bodies on open floor, seen within the view and heard otherwise. Each drives to places drawn at random near the
-others, so that their ways cross, turns on the spot to the next one, and sets out again. Of their hellos some are lost or
-late, estimates of place, heading and speed are off by drawn errors, and processes stop for a while, so that the wheels
-brake late. A robot that has not heard another one for long stands, as by the rule `overdue`. `test_ways.py` has a little
-of it. Run as a program for a long campaign: ``python ways_campaign.py FIRST LAST [PART]``; each run with an overlap is
-printed by its number. `PART` is a part of the law that is left out, one of `PARTS`.
+Kinematic bodies on open floor, seen within the view and heard otherwise. Each drives to places drawn at random near
+the others, so that their ways cross, turns on the spot to the next one, and sets out again. Of their hellos some are
+lost or late, estimates of place and heading drift, and processes stop for a while, so that the wheels brake late. A
+robot that has not heard another one for long stands, as by the rule `overdue`. `test_ways_apart.py` has a little of it.
+Run as a program for a long campaign: ``python ways_campaign.py FIRST LAST [PART]``; each run with an overlap is printed
+by its number. `PART` is a part of the law that is left out, one of `PARTS`.
 """
 
 import math

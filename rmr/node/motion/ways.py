@@ -26,7 +26,7 @@ GAP_M: Final = 0.012
 HEARD_GAP_M: Final = 0.016
 """The same of a robot that is heard and not seen, or HEARD_SIGMAS of the own estimate if that is more."""
 HEARD_SIGMAS: Final = 3.0
-BEFORE_M: Final = 0.018
+BEFORE_M: Final = 0.008
 """How much more is left before one that stands or manoeuvres, times the size: there has to be room to turn past it."""
 PAST_M: Final = 0.08
 """Where so much of the arc, times the size, keeps the least gap, it leads past the other one and not before it."""
@@ -77,10 +77,10 @@ class WaysToStand:
         if away < keep and ahead_m > 0.0:
             other = _Course(body, age_s, 0.0)
             away = other.distance(0.0, 0.0, 0.0)
-        past = u >= CREEPING_MPS or _free(twist, lead, other, self._past, min(keep, away), 0.0, brake) >= self._past
+        past = u >= CREEPING_MPS or _free(twist, lead, other, self._past, keep, 0.0, brake) >= self._past
         if not past:
             keep += self._before
-        free = _free(twist, lead, other, way, min(keep, away), RISE if away >= keep else 0.0, brake)
+        free = _free(twist, lead, other, way, keep, RISE, brake)
         if free >= way:
             return 1.0
         share = brake * (math.sqrt(LAG_S * LAG_S + 2.0 * free / brake) - LAG_S) / v
@@ -124,16 +124,17 @@ class _Course:
 
 
 def _free(
-    twist: Twist, lead: LeadIn | None, other: _Course, way: float, floor: float, rise: float, brake: float
+    twist: Twist, lead: LeadIn | None, other: _Course, way: float, keep: float, rise: float, brake: float
 ) -> float:
-    """Return how much of `way`, metres along `lead` and the arc of `twist`, is `floor` off the `other` one.
+    """Return how much of `way`, metres along `lead` and the arc of `twist`, is `keep` off the `other` one.
 
-    `rise`: how much farther off it is after each metre.
+    `rise`: how much farther off it is after each metre. A way that comes no nearer than the robot is now is free.
     """
     v = abs(twist.v)
     forward = 1.0 if twist.v > 0.0 else -1.0
     bend = twist.w / v
-    room = other.distance(0.0, 0.0, 0.0) - floor
+    away = other.distance(0.0, 0.0, 0.0)
+    room = away - min(keep, away)
     s = 0.0
     while s < way:
         ahead = min(way, s + max(STEP_M, room / (1.0 + rise)))
@@ -142,7 +143,7 @@ def _free(
             y = forward * aside(bend, ahead)
         else:
             x, y = on_the_way(lead, bend, ahead)
-        room = other.distance(x, y, _soonest(v, brake, ahead)) - floor - rise * ahead
+        room = other.distance(x, y, _soonest(v, brake, ahead)) - min(keep + rise * ahead, away)
         if room < -EXACT_M:
             return s
         s = ahead

@@ -194,7 +194,8 @@ def test_a_robot_in_a_crowd_before_an_open_door_does_not_queue_for_the_passage_b
     navigator = Navigator(arena, 1)
     at = Pose(0.85, 0.7, 0.0)
     assert navigator.go(0, at, Point(2.0, 0.7), through_gate=True)
-    assert navigator.route is not None and navigator.route.gate_m is None
+    assert navigator.route is not None
+    assert navigator.route.gate_m is None
     crowd = [SeenBody(0.16, y, 0.0, 0.0) for y in (-0.15, 0.0, 0.15)]
     tried = set()
     for tick in range(480):

@@ -236,7 +236,7 @@ def test_two_robots_face_to_face_that_hear_each_other_pass():
                 world.say()
             return a.nav.status == b.nav.status == "arrived"
 
-        assert world.run(both_there, 20), seed
+        assert world.run(both_there, 30), seed
         assert not world.contacts, seed
 
 
