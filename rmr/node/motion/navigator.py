@@ -226,9 +226,23 @@ class Navigator:
             now, pose, DeadlockCause.ENTRANCE
         ):
             return STILL
-        if now < self._reverse_until and not control.silenced():  # reversing is blind: a silence forbids it
+        if self._reverse_until and now >= self._reverse_until:
+            self._end_reverse(now, pose)
+            return STILL
+        if self._reverse_until and not control.silenced():  # reversing is blind: a silence forbids it
             return control.reverse()
         return self._follow(now, pose, follower, bumped)
+
+    def _end_reverse(self, now: Instant, pose: Pose) -> None:
+        """Plan the way around the others from here: they may have followed up, and the old route begins elsewhere."""
+        self._reverse_until = 0
+        if self._excursion is None and now < self._stand_off.ghosts_until:
+            self._stand_off.mark(now, pose, self._others(), self.arena.shape.radius)
+            self._replan(now, pose, keep=True)
+
+    def _others(self) -> list[Point]:
+        """Return where bodies are now: those seen, and the robots that drive and stand."""
+        return self.control.others(self._standing.points.values())
 
     def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
@@ -326,7 +340,7 @@ class Navigator:
         assert self._order is not None
         stand_off = self._stand_off
         arena = self.arena
-        others = self.control.others(self._standing.points.values())
+        others = self._others()
         endures = False
         if symptom is DeadlockCause.DEADLOCK:
             stand_off.mark(now, pose, others, arena.shape.radius)

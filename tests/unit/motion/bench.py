@@ -215,10 +215,13 @@ class Bench:
             body.bumped = bump
 
     def say(self) -> None:
-        """Let each robot hear at once where the others are and how they drive, without an order."""
+        """Let each robot hear at once where the others are, how they drive and where to, without an order."""
         for body in self.bodies:
-            others = [other.said(self.now) for other in self.bodies if other is not body]
-            body.nav.hearing.update(body.estimate, others)
+            others = [other for other in self.bodies if other is not body]
+            body.nav.hearing.update(body.estimate, [other.said(self.now) for other in others])
+            under_way = [other for other in others if not other.nav.parked]
+            said = [Heard(other.robot, other.estimate, other.nav.goal, 0, self.now) for other in under_way]
+            body.nav.update_moving(self.now, 0, said)
 
     def run(self, done, until_s: float) -> bool:
         """Step until `done()` or the time is over; return whether it became true."""

@@ -160,3 +160,21 @@ def test_of_a_crowd_the_ways_of_the_nearest_count():
     crowd = [Heard(robot, Pose(1.4 - 0.05 * robot, 0.75, 0.0), Point(2.8, 0.75), 0, 0) for robot in range(1, 13)]
     ways = paths_of(floor, here, crowd, ())
     assert [way.points[0].x for way in ways] == [pytest.approx(1.4 - 0.05 * robot) for robot in range(12, 4, -1)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_large_robots_that_meet_pass_each_other_once_one_has_made_room(seed: int):
+    # It backs up by 20 cm, the other one follows, and the way around is another one from there.
+    arena = Arena(9.3, 4.0, 0.3, (), (), shape=RobotShape(0.43, 0.4))
+    world = bench.Bench(arena, [Pose(0.8, 2.0, 0.0), Pose(8.5, 2.0, math.pi)], seed)
+    goals = Point(8.5, 2.0), Point(0.8, 2.0)
+    for body, goal in zip(world.bodies, goals, strict=True):
+        body.nav.go(0, body.estimate, goal)
+
+    def have_passed() -> bool:
+        if world.tick % bench.SAID_TICKS == 0:
+            world.say()
+        return all(body.nav.status == "arrived" for body in world.bodies)
+
+    assert world.run(have_passed, 45.0), world.time
+    assert not world.contacts

@@ -160,7 +160,7 @@ class Detour(Escape):
         return impasse.symptom is DeadlockCause.DEADLOCK
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
-        """Return a short reverse manoeuvre, which makes room to turn; the new route is followed from then on."""
+        """Return a short reverse manoeuvre, which makes room to turn; the way around is planned again at its end."""
         if not impasse.replan():
             return None
         return Manoeuvre(reverse=_reverse(impasse.arena, 1.0 if impasse.tries % 3 else 2.0))
@@ -226,8 +226,9 @@ ESCAPES: Final[tuple[Escape, ...]] = (
     Detour(
         "detour",
         "deadlock, and there is another route",
-        "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others. They are taken to be "
-        "5 cm farther to the left, so that both pass on the right",
+        "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others, by a way that is "
+        "planned where it has come to stand. They are taken to be 5 cm farther to the left, so that both pass on the "
+        "right",
     ),
     GiveWay(
         "give_way",
