@@ -20,6 +20,7 @@ from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.grid_path import STEPS, GridPath
 from rmr.base.motion_scale import scale_of
 from rmr.node.motion.grid import (
+    APART_M,
     DOOR_MARGIN_M,
     PATH_MARGIN_M,
     RELAXED_M,
@@ -172,12 +173,16 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
     if arena.clearance(*goal) < arena.shape.radius:
         return None  # no robot can stand there
     # Where there is room, a robot whose way to stand is long keeps off by what its heading may lead it astray on it.
-    wide = PATH_MARGIN_M + scale_of(arena.shape).astray_m
-    for margin in (wide, PATH_MARGIN_M, DOOR_MARGIN_M) if wide > PATH_MARGIN_M else (PATH_MARGIN_M, DOOR_MARGIN_M):
-        found = _plan(arena, start, goal, parked, margin)
+    astray_m = scale_of(arena.shape).astray_m
+    margins = dict.fromkeys((PATH_MARGIN_M + astray_m, PATH_MARGIN_M, DOOR_MARGIN_M))
+    tries = [(PATH_MARGIN_M + astray_m, APART_M + astray_m)] if parked else []
+    for margin_m, apart_m in (*tries, *[(margin_m, PATH_MARGIN_M) for margin_m in margins]):
+        found = _plan(arena, start, goal, parked, margin_m, apart_m)
         if found is not None:
             return found
-    return _plan(arena, start, goal, parked, DOOR_MARGIN_M, doors=True) if _apart(arena, start, goal) else None
+    if not _apart(arena, start, goal):
+        return None
+    return _plan(arena, start, goal, parked, DOOR_MARGIN_M, PATH_MARGIN_M, doors=True)
 
 
 def _apart(arena: Arena, start: Point, goal: Point) -> bool:
@@ -190,10 +195,18 @@ def _apart(arena: Arena, start: Point, goal: Point) -> bool:
 
 
 def _plan(
-    arena: Arena, start: Point, goal: Point, parked: Sequence[Point], margin_m: float, *, doors: bool = False
+    arena: Arena,
+    start: Point,
+    goal: Point,
+    parked: Sequence[Point],
+    margin_m: float,
+    apart_m: float,
+    *,
+    doors: bool = False,
 ) -> Plan | None:
+    """Return a way that keeps off walls by `margin_m` and off `parked` robots by `apart_m`, or None."""
     grid = grid_of(arena)
-    discs = discs_around(parked, arena.shape.radius, start, goal)
+    discs = discs_around(parked, arena.shape.radius, start, goal, apart_m)
     blocked = blocked_cells(grid, start, goal, discs, margin_m, doors=doors)
     first = cell_for(grid, blocked, start)
     last = cell_for(grid, blocked, goal)

@@ -12,7 +12,16 @@ from rmr.base.arena import Arena, Disc, RobotShape
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.grid_path import STEPS
 from rmr.node.motion.astar import plan, search
-from rmr.node.motion.grid import OccupancyGrid, blocked_cells, cell_for, discs_around, grid_of, segment_clearance
+from rmr.node.motion.grid import (
+    APART_M,
+    PATH_MARGIN_M,
+    OccupancyGrid,
+    blocked_cells,
+    cell_for,
+    discs_around,
+    grid_of,
+    segment_clearance,
+)
 
 ROOM = Arena(1.5, 1.5, 0.05)
 
@@ -190,3 +199,21 @@ def test_no_way_begins_on_the_other_side_of_a_thin_wall():
     slot = (bench.box(0.625, 0.0, 0.635, 1.5), bench.box(0.745, 0.0, 0.755, 1.5))
     arena = Arena(1.5, 1.5, 0.13, slot, shape=RobotShape(0.05))
     assert plan(arena, Point(0.69, 0.7), Point(1.2, 0.7)) is None
+
+
+def test_a_plan_keeps_farther_off_robots_that_stand_where_there_is_room():
+    arena = Arena(2.0, 1.5, 0.05, (), ())
+    radius = arena.shape.radius
+    room = plan(arena, Point(0.3, 0.775), Point(1.7, 0.775), [Point(1.0, 0.775)])
+    # A row of robots from wall to wall, with a gap for one that keeps 4 cm off them on both sides.
+    gap = 2.0 * (2.0 * radius + PATH_MARGIN_M) + 0.02
+    wall = [Point(1.0, 0.775 + sign * (gap / 2.0 + k * 0.16)) for sign in (-1, 1) for k in range(4)]
+    narrow = plan(arena, Point(0.3, 0.775), Point(1.7, 0.775), wall)
+    assert room is not None
+    assert narrow is not None
+
+    def nearest(points, others):
+        return min(point_segment_distance(*p, *a, *b) for p in others for a, b in pairwise(points)) - 2.0 * radius
+
+    assert nearest(room.points, [Point(1.0, 0.775)]) >= APART_M - 1e-6
+    assert PATH_MARGIN_M <= nearest(narrow.points, wall) < APART_M
