@@ -18,7 +18,7 @@ from rmr.base.geometry import Twist, hypot, point_segment_distance
 from rmr.base.motion_scale import LAG_S, PLANNED_BRAKE, MotionScale, blur_m
 from rmr.node.motion.avoid import CREEPING_MPS, STILL_MPS
 from rmr.node.motion.braking import LeadIn
-from rmr.node.motion.shield import STEP_M, along, aside, on_the_way
+from rmr.node.motion.shield import SLOPE, STEP_M, along, aside, on_the_way
 from rmr.node.ports import SeenBody
 
 GAP_M: Final = 0.012
@@ -32,8 +32,6 @@ PAST_M: Final = 0.08
 """Where so much of the arc, times the size, keeps the least gap, it leads past the other one and not before it."""
 PAST_MPS: Final = 0.04
 """Speed with which one that stands is passed where the gap is least."""
-RISE: Final = 0.2
-"""How much more is left for each metre of the own way: its direction is not exact, nor that of the other one."""
 AHEAD_S: Final = 0.25
 """How much of the earlier one's way the later one leaves to it, beyond that to stand, seconds."""
 EXACT_M: Final = 1e-4
@@ -70,7 +68,7 @@ class WaysToStand:
         keep = self._touch + gap_m + blur_m(min(self._speed, u))
         reach = 0.0 if stands else u * (LAG_S + age_s) + u * u / (2.0 * BRAKE)
         ahead_m = 0.0 if stands or first else AHEAD_S * u
-        if hypot(body.x, body.y) - reach - ahead_m - keep - self._before >= way * (1.0 + RISE):
+        if hypot(body.x, body.y) - reach - ahead_m - keep - self._before >= way * (1.0 + SLOPE):
             return 1.0
         other = _Course(body, age_s, ahead_m)
         away = other.distance(0.0, 0.0, 0.0)
@@ -80,7 +78,7 @@ class WaysToStand:
         past = u >= CREEPING_MPS or _free(twist, lead, other, self._past, keep, 0.0, brake) >= self._past
         if not past:
             keep += self._before
-        free = _free(twist, lead, other, way, keep, RISE, brake)
+        free = _free(twist, lead, other, way, keep, SLOPE, brake)
         if free >= way:
             return 1.0
         share = brake * (math.sqrt(LAG_S * LAG_S + 2.0 * free / brake) - LAG_S) / v

@@ -253,7 +253,7 @@ def test_a_robot_whose_goal_is_taken_leaves_the_way_to_it_only_to_retreat(gated:
             now = tick_start(tick)
             if tick % 12 == 0:
                 navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
-            navigator.step(now, start, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+            navigator.step(now, start, [SeenBody(0.165, 0.0, 0.0, 0.0)], bumped=False)
             found.add((navigator.route.points[-1] == goal, navigator.route.gate_m is not None))
         return found
 
@@ -274,7 +274,7 @@ def test_a_robot_that_has_retreated_and_finds_no_way_back_retreats_elsewhere():
             now = tick_start(tick)
             if tick % 12 == 0:
                 navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
-            navigator.step(now, start, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+            navigator.step(now, start, [SeenBody(0.165, 0.0, 0.0, 0.0)], bumped=False)
             found.add(navigator.route.points[-1])
         return found
 
