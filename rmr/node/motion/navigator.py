@@ -347,7 +347,7 @@ class Navigator:
         # A deadlock that endures, or an excursion without a way back, is a jam: then the robot retreats or backs out.
         if symptom in (DeadlockCause.DEADLOCK, DeadlockCause.NO_WAY_BACK):
             walks = symptom is DeadlockCause.DEADLOCK and self._excursion is not None
-            endures = stand_off.endures(now, pose, walks=walks)
+            endures = stand_off.endures(now, pose, self._order.goal, walks=walks)
         manoeuvre = self.policy.choose(
             Impasse(
                 symptom=symptom,

@@ -62,14 +62,16 @@ def test_a_robot_that_is_walled_in_finds_no_way():
     assert retreat_route(ARENA, Point(0.6, 0.75), GOAL, around, 1, 1) is None
 
 
-def test_a_stand_off_endures_only_where_the_robot_stays():
-    here, there = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0)
-    stays, moves = DeadlockDetector(1, RobotShape()), DeadlockDetector(1, RobotShape())
-    assert not stays.endures(0, here, walks=False)
-    assert stays.endures(ENDURED, here, walks=False)
-    assert stays.endures(ENDURED + seconds(1), there, walks=True)
-    assert not moves.endures(0, here, walks=False)
-    assert not moves.endures(ENDURED, there, walks=False)
+def test_a_stand_off_endures_where_the_robot_stays_or_is_driven_back():
+    here, there, back, goal = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0), Pose(0.3, 0.5, 0.0), Point(1.2, 0.5)
+    stays, moves, yields = (DeadlockDetector(1, RobotShape()) for _ in range(3))
+    assert not stays.endures(0, here, goal, walks=False)
+    assert stays.endures(ENDURED, here, goal, walks=False)
+    assert stays.endures(ENDURED + seconds(1), there, goal, walks=True)
+    assert not moves.endures(0, here, goal, walks=False)
+    assert not moves.endures(ENDURED, there, goal, walks=False)
+    assert not yields.endures(0, here, goal, walks=False)
+    assert yields.endures(ENDURED, back, goal, walks=False)
 
 
 @pytest.mark.parametrize(("at", "walks"), [(Pose(*START, 0.13), True), (Pose(1.5, 0.75, 0.0), False)])

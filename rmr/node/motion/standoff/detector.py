@@ -2,15 +2,15 @@
 
 A robot that wants to drive and may hardly do so for longer than its patience is in a deadlock. Robots differ in
 patience, so that not all of them act at once. A deadlock that has lasted for `ENDURED` although escapes were tried, and
-in which the robot has got nowhere, *endures*: nothing but the last resort is left. The times are multiplied by the
-tempo of the robots, the lengths by their size.
+in which the robot has got nowhere, or only back, *endures*: nothing but the last resort is left. The times are
+multiplied by the tempo of the robots, the lengths by their size.
 """
 
 from collections.abc import Iterable, Sequence
 from typing import Final
 
 from rmr.base.arena import REFERENCE, RobotShape
-from rmr.base.geometry import Point, Pose, Twist, hypot
+from rmr.base.geometry import Point, Pose, Twist, distance, hypot
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
 
@@ -35,7 +35,8 @@ GHOST_S: Final = 2.5
 ENDURED: Final[Duration] = seconds(8)
 """A deadlock that lasts for so long endures, if the robot has got nowhere."""
 ENDURED_M: Final = 0.1
-"""A robot no farther than this from where the deadlock began has got nowhere."""
+"""A robot no farther than this from where the deadlock began has got nowhere; nor has one that is farther from its goal
+than there, since it has backed up before another one that follows."""
 
 
 class DeadlockDetector:
@@ -104,12 +105,16 @@ class DeadlockDetector:
             return self.ghosts
         return standing if self.tries else ()
 
-    def endures(self, now: Instant, pose: Pose, *, walks: bool) -> bool:
+    def endures(self, now: Instant, pose: Pose, goal: Point, *, walks: bool) -> bool:
         """Note where an escape is sought; return whether the deadlock endures.
 
         For a robot that `walks` away from one already, and gets stuck again elsewhere, it does at once.
         """
-        if self._at is None or hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M * self._scale.size:
+        at = self._at
+        if at is None or (
+            hypot(at.x - pose.x, at.y - pose.y) > ENDURED_M * self._scale.size
+            and distance(*goal, pose.x, pose.y) < distance(*goal, *at)
+        ):
             self._at = Point(pose.x, pose.y)
             self._at_since = now
         if now - self._at_since < round(ENDURED * self._scale.tempo) and not (walks and self.walks):

@@ -215,9 +215,9 @@ ESCAPES: Final[tuple[Escape, ...]] = (
     ),
     Retreat(
         "retreat",
-        "a jam outside of the bottleneck: no escape has led 10 cm away for 8 s, or a robot that has made room finds no "
-        "route back for so long; with its turn or without. Or the robot has no route, since its goal is taken, and "
-        "stands where another one wants to go that gets nowhere",
+        "a jam outside of the bottleneck: no escape has led 10 cm away and nearer to the goal for 8 s, or a robot that "
+        "has made room finds no route back for so long; with its turn or without. Or the robot has no route, since its "
+        "goal is taken, and stands where another one wants to go that gets nowhere",
         "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
         "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
         "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
