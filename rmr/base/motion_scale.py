@@ -86,8 +86,6 @@ class MotionScale:
     """How far an error of the heading leads it astray on its way to stand, beyond the reference robot, metres."""
     stop_s: float
     """Time to stop from full speed for another robot, seconds."""
-    stop_range_m: float
-    """Beyond this gap a robot can stop from full speed, whatever the other does, metres."""
     conflict_gap_m: float
     """Predicted gap between hulls that is wide enough, metres."""
     near_m: float
@@ -133,7 +131,6 @@ def scale_of(shape: RobotShape) -> MotionScale:
         tempo=max(1.0, widths),
         astray_m=HEADING_ERROR * _beyond_reference(speed, BRAKE),
         stop_s=0.4 + faster / REACTION_BRAKE,
-        stop_range_m=0.09 + 2.0 * _beyond_reference(speed, REACTION_BRAKE) + blur_m(speed),
         conflict_gap_m=0.04 + 2.0 * blur_m(speed),
         near_m=0.5 + 2.0 * (wider + _beyond_reference(speed, BRAKE) + HEAR_S * faster),
         update=round(milliseconds(200) / pace),
