@@ -9,8 +9,8 @@ and adapts its speed, rather than wait before the entrance where others pass.
 from collections.abc import Iterable
 from typing import Final
 
-from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, distance
+from rmr.base.arena import FloorPassage, RobotShape
+from rmr.base.geometry import Point, Pose, distance
 from rmr.base.motion_scale import PLANNED_BRAKE, scale_of
 from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.follow import braking_speed
@@ -43,7 +43,7 @@ class EntryGate:
 
     __slots__ = (
         "_in_mouth_since", "_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passage",
-        "passed", "shape",
+        "passed", "shape", "way",
     )  # fmt: skip
 
     def __init__(self, shape: RobotShape, *, holding: bool) -> None:
@@ -56,6 +56,8 @@ class EntryGate:
         """Not yet left: it is too early."""
         self.passed = False
         self.cleared = False
+        self.way = 0
+        """The direction in which the robot has passed."""
         self._in_mouth_since: Instant | None = None
         self._route: Route | None = None
         """The route that was asked for last."""
@@ -85,10 +87,23 @@ class EntryGate:
         if route.gate_m is None:
             return
         if s > self._entry_m(route) + PASSED_M:
+            self.way = self.way if self.passed else route.way
             self.passed = True
             self.passage = route.passage
         if self.passed and (arrived or s >= route.clear_m):
             self.cleared = True
+
+    def backed_out(self, passage: FloorPassage | None, pose: Pose) -> bool:
+        """Return whether the robot, which is clear of `passage`, stands before the entrance by which it came."""
+        if passage is None or not passage.two_ended:
+            return False
+        entrance = passage.mouth(self.way)
+        end = passage.mouth(1 - self.way)
+        return distance(pose.x, pose.y, *entrance) < distance(pose.x, pose.y, *end)
+
+    def step_back(self) -> None:
+        """Count the robot as before the gate again: it has left by the entrance by which it came."""
+        self.passed = self.cleared = False
 
     def _entry_m(self, route: Route) -> float:
         """Return from where on the robot counts as driving through.

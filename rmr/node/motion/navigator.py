@@ -24,7 +24,7 @@ from rmr.node.motion.goal_queue import WAITING_RADII, is_one_goal, robots_ahead
 from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
-from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route
+from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route, still_behind
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SHIELD, SpeedControl
 from rmr.node.motion.standoff.detector import DeadlockDetector
@@ -312,12 +312,17 @@ class Navigator:
     def _goes_on_to_next_gate(self, now: Instant, pose: Pose) -> bool:
         """Plan the rest of the drive behind a passage, where there are others; return whether that was due.
 
-        Without a route the robot stands: the old one would lead it past the gate of the next passage.
+        Without a route the robot stands: the old one would lead it past the gate of the next passage. A robot that has
+        backed out by the entrance by which it came has the passage still before it, and its turn.
         """
         order = self._order
         left = self._gate.passage
         if order is None or left is None or left in order.behind or not order.through_gate:
             return False
+        if self._gate.backed_out(self.arena.passage(left), pose):
+            self._gate.step_back()
+            self._replan(now, pose)
+            return True
         behind = order.behind | {left}
         self._order = order._replace(behind=behind, shared=None)
         if all(passage.name in behind for passage in self.arena.passages):
@@ -400,6 +405,8 @@ class Navigator:
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
         start = Point(pose.x, pose.y)
+        if self._order.behind:
+            self._order = self._order._replace(behind=still_behind(self.arena, self._order.behind, start))
         around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
         order = self._ordered(self._order)
         # Robots that go first, in the queue, are waited for and not driven around.
@@ -430,7 +437,7 @@ class Navigator:
         """Return whether a robot that may enter a passage would leave it for another one, or for none, by `route`."""
         gate = self._gate
         bound = gate.opened and not gate.passed and self.arena.has_shared_passages
-        return bound and gate.passage is not None and route.passage != gate.passage
+        return bound and gate.passage not in (None, *self.behind) and route.passage != gate.passage
 
     def _queues_for_others(self, route: Route, around: tuple[Point, ...]) -> bool:
         """Return whether `route` leads to a passage, from a way without any, around robots that will drive on.

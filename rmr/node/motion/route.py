@@ -231,6 +231,19 @@ def _room(arena: Arena, passage: FloorPassage) -> float:
     return 2.0 * arena.shape.radius + ROOM_M if passage.two_ended else 0.0
 
 
+def still_behind(arena: Arena, behind: frozenset[str], at: Point) -> frozenset[str]:
+    """Return those of the passages that a robot had `behind` it which it still has at `at`.
+
+    It has driven away from the others: a way that leads through one of these again passes its gate. The bottleneck of
+    an event stays behind: the turn is over.
+    """
+    away_m = 4.0 * arena.shape.radius + ROOM_M
+    passages = [each for each in arena.passages if each.name in behind]
+    return frozenset(
+        each.name for each in passages if each.by_event or any(distance(*mouth, *at) <= away_m for mouth in each.mouths)
+    )
+
+
 def gated_again(arena: Arena, passage: FloorPassage, route: Route) -> Route:
     """Return `route`, made anew inside `passage`, with the gate behind its start."""
     clear = _clear_of(arena, passage, route, 0.0)

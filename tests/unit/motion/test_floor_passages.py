@@ -1,5 +1,6 @@
 """Several passages: which gate a route has, which one a turn opens, and what follows behind it."""
 
+import math
 from itertools import pairwise
 
 import bench
@@ -13,7 +14,7 @@ from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.replanning import ordered_route
-from rmr.node.motion.route import DriveOrder, leader_route, make_route
+from rmr.node.motion.route import DriveOrder, leader_route, make_route, still_behind
 from rmr.node.ports import SeenBody
 
 
@@ -203,3 +204,56 @@ def test_a_robot_in_a_crowd_before_an_open_door_does_not_queue_for_the_passage_b
         tried.add(navigator.policy.chosen)
         assert navigator.route.gate_m is None
     assert "reverse" in tried
+
+
+def test_a_robot_that_backs_out_of_a_passage_has_it_before_it_again():
+    """In the entrance it finds the passage barred, and drives to another one: the barred one is not behind it."""
+    ends = {
+        name: (area(f"{name}_w", 1.0, y), area(f"{name}_e", 1.4, y)) for name, y in (("south", 0.45), ("north", 1.05))
+    }
+    arena = Arena(
+        2.4,
+        1.5,
+        0.05,
+        tuple(bench.box(1.0, low, 1.4, high) for low, high in ((0.0, 0.3), (0.6, 0.9), (1.2, 1.5))),
+        tuple(each for pair in ends.values() for each in pair),
+        passages=tuple(FloorPassage(name, pair) for name, pair in ends.items()),
+    )
+    nav = Navigator(arena, 1)
+    pose = Pose(0.7, 1.05, 0.0)
+    assert nav.go(0, pose, Point(2.1, 1.05), through_gate=True)
+    nav.gate(None, True, "north")
+    nav.relocate(0, pose)
+    behind = set()
+    for tick in range(1, 900):
+        if nav.passed_gate:
+            nav.update_parked([Point(1.2, 1.05)])
+        twist = nav.step(tick_start(tick), pose, (), bumped=False)
+        theta = pose.theta + twist.w / 60
+        pose = Pose(pose.x + twist.v * math.cos(theta) / 60, pose.y + twist.v * math.sin(theta) / 60, theta)
+        behind |= nav.behind
+    assert behind == set()
+    assert nav.route is not None
+    assert nav.route.passage == "south"
+    assert pose.x < 1.0  # it has no turn there
+
+
+def test_a_way_back_through_a_passage_that_is_behind_passes_its_gate():
+    """A robot has come through one passage, finds the next one barred, and drives back: it needs its turn again."""
+    near, away = Point(1.6, 0.75), Point(1.95, 0.75)
+    assert still_behind(ROW, frozenset({"one"}), near) == {"one"}
+    assert still_behind(ROW, frozenset({"one"}), away) == frozenset()
+    nav = Navigator(ROW, 1)
+    assert nav.go(0, Pose(*WEST, 0.0), EAST, through_gate=True)
+    nav.gate(None, True, "one")
+    pose = Pose(*WEST, 0.0)
+    now = 0
+    while pose.x < away.x and now < seconds(60):
+        now += seconds(1 / 60)
+        twist = nav.step(now, pose, (), bumped=False)
+        pose = Pose(pose.x + twist.v / 60, pose.y, 0.0)
+        if nav.behind:
+            nav.gate(None, True, "two")
+    assert nav.behind == {"one"}
+    nav.relocate(now, pose)
+    assert nav.behind == frozenset()

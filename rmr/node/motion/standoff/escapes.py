@@ -148,7 +148,8 @@ class Retreat(Escape):
         if route is None:
             return None
         # Before the bottleneck a robot counts as not having entered: others wait for a turn that is not used.
-        impasse.gate.passed = impasse.gate.passed and side_of(arena, at, goal) is Side.BEYOND
+        if side_of(arena, at, goal) is not Side.BEYOND:
+            impasse.gate.step_back()
         return Manoeuvre(Excursion(route, retreat_until(impasse.now, impasse.robot, tries), stays=True))
 
 
