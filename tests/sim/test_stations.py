@@ -239,3 +239,41 @@ def test_the_dock_charges_everybody_and_never_more_than_two_at_a_time():
         nearest = [math.dist(simulation.world.pose(robot.robot)[:2], place) for place in places]
         taken += [k for k, far in enumerate(nearest) if far < 0.1]
     assert len(taken) == len(set(taken))
+
+
+BEHIND_A_DOOR = """
+lab: small
+program: small.rmr
+seed: 1
+duration: 120s
+finish: done(R)
+arena: {size: [3.6, 1.5], cell: 0.05}
+obstacles:
+  - {box: [1.6, 0.0, 2.0, 0.6]}
+  - {box: [1.6, 0.9, 2.0, 1.5]}
+areas:
+  dock: {at: [3.3, 0.75]}
+  one: {at: [0.2, 0.2]}
+  two: {at: [0.2, 0.7]}
+  three: {at: [0.2, 1.2]}
+stations: [dock]
+robots:
+  - {id: 1, pose: [0.2, 0.2, 0deg]}
+  - {id: 2, pose: [0.2, 0.7, 0deg]}
+  - {id: 3, pose: [0.2, 1.2, 0deg]}
+facts: ["bay(@1, one)", "bay(@2, two)", "bay(@3, three)"]
+localisation: {beacons: [[0, 0], [3.6, 0]], sigma: 0.005}
+"""
+
+
+def test_a_robot_that_has_its_place_in_a_station_takes_turns_at_the_door_before_it(tmp_path):
+    (tmp_path / "lab.yaml").write_text(BEHIND_A_DOOR)
+    (tmp_path / "small.rmr").write_text(PROGRAM.format(then=LEAVES))
+    simulation, there = watched(prepare(tmp_path, seed=1))
+    assert simulation.run()
+    assert simulation.violations == []
+    assert simulation.world.collisions == 0
+    assert max(len(robots) for _, robots in there) == 1
+    entries = [(entry["robot"], entry["event"]) for entry in traced(simulation, "entered")]
+    for robot in (1, 2, 3):  # the place first, then the door there and back
+        assert [event for one, event in entries if one == robot] == ["charging()", "passage_1", "passage_1"]

@@ -205,6 +205,12 @@ def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
             "the robot is at its entrance (it sets out before, to be there in time)",
             "its hull is out of the narrow section",
         )  # fmt: skip
+    if drives and all(drive.to_station for drive in drives):
+        stations = " or ".join(sorted({drive.goal.name for drive in drives}))
+        return ExplainedTurn(
+            assertion.name, held, events, f"a place of station {stations}",
+            "a place is free (only then the robot sets out)", "its hull has left the station",
+        )  # fmt: skip
     if not gated and (drives or not lab.arena.passages):
         over = "all of the held actions: one robot of the event at a time"
         return ExplainedTurn(assertion.name, held, events, over, action, whole)

@@ -50,6 +50,8 @@ class FirstDrive:
     route: Route
     job: TimedJob | None
     """The scheduled job that the drive serves; None: it waits for no turn."""
+    to_station: bool = False
+    """Whether its turn is a place of a station."""
 
     @property
     def event(self) -> str | None:
@@ -58,8 +60,8 @@ class FirstDrive:
 
     @property
     def gated(self) -> bool:
-        """Whether its turn is a passage that the lab names, and not the whole drive."""
-        return self.job is not None and self.route.gate_m is not None
+        """Whether its turn is a passage that the lab names, and not the whole drive or a station."""
+        return self.job is not None and self.route.gate_m is not None and not self.to_station
 
     def needs_turn(self, passage: NamedPassage) -> bool:
         """Return whether it goes by turns at a passage that the lab names."""
@@ -173,7 +175,8 @@ def _first_drive(lab: Lab, program: Program, start: RobotStart, instant: FirstIn
         here = Point(start.pose.x, start.pose.y)
         route = gated_route(lab.arena, here, goal.places[0], ())
         job = next((job for job in instant.jobs if _serves(program, job, event.predicate, event.args)), None)
-        return None if route is None else FirstDrive(start.id, goal, route, job)
+        to_station = lab.arena.capacity(goal.name) > 0
+        return None if route is None else FirstDrive(start.id, goal, route, job, to_station)
     return None
 
 

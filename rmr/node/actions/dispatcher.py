@@ -132,8 +132,7 @@ class RunningAction:
     name: str
     args: tuple[Value, ...]
     handler: Handler
-    permit: Permit | None = None
-    """None: it serves no job and need not wait."""
+    permit: Permit | None = None  # None: it serves no job and need not wait
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
@@ -146,6 +145,7 @@ class RunningAction:
     """None: it has not begun, or has come to its end by itself. A coroutine that has ended is not touched again."""
     pause: Pause = field(default_factory=lambda: Pause(0))
     over: bool = False
+    gate: Permit | None = None  # its turn at a passage on its way, if that is not its permit
     raised: tuple[str, ...] = ()
     """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
 

@@ -71,8 +71,7 @@ class Drive(LocatedSteps):
         node = self._robot.node
         if node.motion.status == "arrived" or self.is_idle():
             return None
-        waits = self._permit is not None and self._permit.waits
-        self._barred.look(node.motion.goal or self._goal, before_turn=waits)
+        self._barred.look(node.motion.goal or self._goal, before_turn=self._robot.waits_for_turn)
         return self._looks
 
 

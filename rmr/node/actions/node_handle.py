@@ -52,6 +52,11 @@ class NodeHandle(RobotHandle):
         return self._action.permit
 
     @property
+    def waits_for_turn(self) -> bool:
+        """Whether it is not yet the action's turn, at its goal or at a passage on its way."""
+        return any(each is not None and each.waits for each in (self._action.permit, self._action.gate))
+
+    @property
     def missed(self) -> int | None:
         """The assertion whose missed deadline derived the action."""
         return self._action.missed

@@ -6,7 +6,7 @@ from rmr.base.time import Instant
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest
 from rmr.node.crossing.crossing import Crossing
-from rmr.node.crossing.crossing_table import crossing_of
+from rmr.node.crossing.crossing_table import gate_of
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.situation import (
     ChangeRank,
@@ -59,7 +59,7 @@ class CommandExecutor:
         driver = robot.driver
         match command:
             case OpenHoldLine(opens_at=opens_at, opened=opened, passage=passage):
-                if driver is not None and crossing_of(robot.driving) is crossing:
+                if driver is not None and gate_of(robot.driving) is crossing:
                     driver.navigator.gate(opens_at, opened, passage)
             case ChangeRank():
                 self._destinations.rank_changed(now, crossing)

@@ -101,3 +101,9 @@ def crossing_of(running: RunningAction | None) -> Crossing | None:
     """Return the crossing by which an action goes."""
     permit = None if running is None else running.permit
     return permit if isinstance(permit, Crossing) else None
+
+
+def gate_of(running: RunningAction | None) -> Crossing | None:
+    """Return the crossing by which a drive goes through the passages on its way."""
+    gate = None if running is None else running.gate
+    return gate if isinstance(gate, Crossing) else crossing_of(running)

@@ -27,7 +27,7 @@ from rmr.node.actions.job_steps import led_to
 from rmr.node.crossing import resource
 from rmr.node.crossing.command_executor import CommandExecutor
 from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
-from rmr.node.crossing.crossing_table import CrossingTable, crossing_of
+from rmr.node.crossing.crossing_table import CrossingTable, crossing_of, gate_of
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.later_steps import time_of
 from rmr.node.crossing.making_room import MakingRoom
@@ -166,8 +166,9 @@ class Crossings:
     def _ask_at_gate(self, now: Instant) -> None:
         """Ask for a turn at the gate before which the drive under way is, if it has none and has not asked.
 
-        Whatever drives through a passage that all robots share needs a turn: also a drive that serves no job, and one
-        that passes several, which asks at each of them as it comes out of the one before.
+        Whatever drives through a passage that all robots share needs a turn: also a drive that serves no job, one that
+        passes several, which asks at each of them as it comes out of the one before, and one into a station, whose
+        place it has already.
         """
         running = self._robot.driving
         driver = self._robot.driver
@@ -177,11 +178,12 @@ class Crossings:
         route = resource.entered_route(navigator)
         if route is None or navigator.passed_gate or navigator.goal is None:
             return
-        crossing = self.crossing(running)
-        if crossing is None:
-            crossing = self._drive_to(now, None, goal_among(None, navigator.goal))
-            running.permit = crossing
-            crossing.serving.append(running)
+        crossing = gate_of(running)
+        if crossing is None or crossing.station:
+            job = None if crossing is None else crossing.job
+            gate = self._drive_to(now, job, goal_among(None, navigator.goal))
+            running.gate = gate
+            gate.serving.append(running)
         elif crossing.over or (not crossing.waits and not crossing.plan.gated):
             goal = goal_among(crossing.goal, navigator.goal)
             commands = crossing.restart if crossing.over else crossing.renew
@@ -311,9 +313,14 @@ class Crossings:
 
     def action_ended(self, now: Instant, running: RunningAction, *, failed: bool) -> None:
         """Handle the end of an action; where several serve a crossing, the last one ends it."""
-        crossing = self.crossing(running)
-        if crossing is None:
-            return
+        permit = self.crossing(running)
+        gate = gate_of(running)
+        if permit is not None:
+            self._served(now, running, permit, failed=failed)
+        if gate is not None and gate is not permit:
+            self._served(now, running, gate, failed=failed)
+
+    def _served(self, now: Instant, running: RunningAction, crossing: Crossing, *, failed: bool) -> None:
         crossing.serving.remove(running)
         if (failed or crossing.of_drive) and not crossing.serving:
             self._executor.execute(now, crossing, crossing.fail())
@@ -327,13 +334,14 @@ class Crossings:
         robot = self._robot
         assert robot.driver is not None
         crossing = permit if isinstance(permit, Crossing) else None
-        gated = crossing is not None and crossing.plan.gated and not crossing.over
-        shared = self._paths.path(crossing.group_id, crossing.plan.direction) if crossing and gated else None
+        gate = gate_of(robot.driving) or crossing
+        gated = gate is not None and gate.plan.gated and not gate.over
+        shared = self._paths.path(gate.group_id, gate.plan.direction) if gate and gated else None
         robot.driver.depart(now, goal, robot.peers, heading=heading, gated=gated or self._shares, shared=shared)
         if crossing is not None:
             crossing.course.planned(now)
-            if gated:
-                self._executor.execute(now, crossing, [crossing.hold_line()])
+        if gate is not None and gated:
+            self._executor.execute(now, gate, [gate.hold_line()])
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -341,6 +349,11 @@ class Crossings:
     def current(self) -> Crossing | None:
         """The newest crossing that is not over."""
         return next((crossing for crossing in reversed(self._table) if not crossing.over), None)
+
+    @property
+    def all_current(self) -> list[Crossing]:
+        """The crossings that are not over, oldest first: a robot that has a station may wait at a passage."""
+        return [crossing for crossing in self._table if not crossing.over]
 
     def needs_no_queue(self, since: Instant) -> bool:
         """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""

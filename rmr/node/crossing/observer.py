@@ -120,7 +120,7 @@ class Observer:
         found = robot.driver.approach.estimate(pose, goal.places[0])
         if crossing.station:
             within = station_area.contains(goal, Point(pose.x, pose.y))
-            held = UNKNOWN_INSIDE if found is None else found.approach + UNKNOWN_INSIDE
+            held = UNKNOWN_INSIDE if found is None else found.approach + found.inside + found.after + UNKNOWN_INSIDE
             return True, CrossingPlan(inside=held, headway=held, within=within, notice=STATION_NOTICE)
         if found is None:
             return True, None

@@ -45,7 +45,8 @@ def test_the_door_between_two_rooms_is_a_passage_for_all_robots(tmp_path):
     "more",
     [
         "areas: {here: {at: [1.5, 0.75]}}\n",
-        "areas: {rest: {at: [0.3, 0.3]}}\nstations: [rest]\n",
+        "areas: {rest: {at: [1.5, 0.75]}}\nstations: [rest]\n",
+        "areas: {rest: {box: [1.3, 0.65, 1.7, 0.85]}}\nstations: [rest]\n",
         "passages: {}\n",
         "areas: {door: {at: [1.1, 0.75]}}\nbottleneck: door\n",
         "areas: {door: {at: [1.1, 0.75]}}\npassages: {in: door}\n",
@@ -53,6 +54,10 @@ def test_the_door_between_two_rooms_is_a_passage_for_all_robots(tmp_path):
 )
 def test_none_is_found_where_somebody_stays_in_it_or_the_lab_says_what_is_shared(tmp_path, more):
     assert "passage_1" not in names(arena_of(tmp_path, more))
+
+
+def test_one_is_found_in_a_lab_with_stations(tmp_path):
+    assert names(arena_of(tmp_path, "areas: {rest: {at: [0.3, 0.3]}}\nstations: [rest]\n")) == ["passage_1"]
 
 
 def test_a_robot_that_starts_in_it_holds_it(tmp_path):

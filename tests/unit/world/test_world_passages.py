@@ -47,13 +47,18 @@ MISTAKES = [
     ("passages:\n", "bottleneck: south_west\npassages:\n", "passages.north: a lab has a bottleneck or passages"),
     ("[2.6, 0.9]", "[1.6, 1.0]", "passages.south: its two mouths are closer than a robot is wide"),
     ("  south_east: {at: [2.6, 0.9]}", "  south_east: {at: [2.6, 1.9]}", "'south_east' is 0.20 m from 'north_east'"),
-    ("passages:\n", "stations: [west_home]\npassages:\n", "stations: a lab with passages has no stations"),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "words"), MISTAKES)
 def test_a_mistake_in_the_passages_is_told_with_its_place(tmp_path, old, new, words):
     assert words in warehouse(tmp_path, [(old, new)])
+
+
+def test_a_station_beside_passages_is_taken_and_one_in_a_passage_is_an_error(tmp_path):
+    assert warehouse(tmp_path, [("passages:\n", "stations: [west_home]\npassages:\n")]) == ""
+    inside = [("[4.05, 0.45], ", "[2.1, 0.9], "), ("passages:\n", "stations: [east_store]\npassages:\n")]
+    assert "lies in passage 'south': a robot that stays there would close it" in warehouse(tmp_path, inside)
 
 
 def test_passages_in_a_row_need_room_to_wait_between_them(tmp_path):

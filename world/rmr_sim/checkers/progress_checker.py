@@ -113,11 +113,11 @@ class ProgressChecker:
         reasons = list(filter(None, [lost, view.mistake(robot), view.node(robot).services.blocked]))
         world = view.simulation.world
         arena = view.simulation.lab.arena
-        crossing = view.node(robot).crossings.current
-        if crossing is not None and crossing.waits:
+        for crossing in [each for each in view.node(robot).crossings.all_current if each.waits]:
             inside = [other for other in view.robots if other != robot and self._inside(other, crossing.group_id)]
             holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
-            reasons.append(f"it waits for its turn of {crossing.job.name}{holders}")
+            what = crossing.passage or crossing.job.name
+            reasons.append(f"it waits for its turn of {what}{holders}")
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
         others = {other: world.pose(other) for other in view.robots if other != robot}
@@ -144,8 +144,8 @@ class ProgressChecker:
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` holds `event`."""
-        crossing = self._view.node(robot).crossings.current if self._view.alive(robot) else None
-        return crossing is not None and crossing.group_id == event and not crossing.waits
+        held = self._view.node(robot).crossings.all_current if self._view.alive(robot) else []
+        return any(crossing.group_id == event and not crossing.waits for crossing in held)
 
     def _look(self, robot: int, now: Instant) -> None:
         x, y, _ = self._view.simulation.world.pose(robot)
@@ -158,10 +158,10 @@ class ProgressChecker:
             self._progress_at[robot] = now
 
     def _note_use(self, robot: int) -> None:
-        """Count the progress of a robot inside an event as use of the event, for the robots that wait for it."""
-        crossing = self._view.node(robot).crossings.current
-        if crossing is not None and isinstance(crossing.phase, Inside):
-            self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_at[robot])
+        """Count the progress of a robot inside as use of what it has entered, for the robots that wait for that."""
+        for crossing in self._view.node(robot).crossings.all_current:
+            if isinstance(crossing.phase, Inside):
+                self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_at[robot])
 
     def _look_at_goal(self, robot: int, now: Instant) -> None:
         """Note whether others have come to the goal for which `robot` waits, or have left it."""
@@ -184,9 +184,9 @@ class ProgressChecker:
 
     def _used_at(self, robot: int) -> Instant:
         """Return when others used what the robot waits for, for the last time; 0 if it waits for nothing."""
-        goal = self._goal_used.get(robot, 0)
-        crossing = self._view.node(robot).crossings.current
-        return goal if crossing is None or not crossing.waits else max(goal, self._used.get(crossing.group_id, 0))
+        crossings = self._view.node(robot).crossings.all_current
+        used = [self._used.get(crossing.group_id, 0) for crossing in crossings if crossing.waits]
+        return max([self._goal_used.get(robot, 0), *used])
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""

@@ -134,14 +134,18 @@ class LabDraft:
         )
 
     def _passages_found(self) -> Arena:
-        """Return the arena with the passages of its floor, where the file names none."""
+        """Return the arena with the passages of its floor, where the file names none.
+
+        A passage in which a robot stays is none: at its start, at a goal that is no box, or in a station.
+        """
         arena = self.arena
         named = self.spec.bottleneck is not None or self.spec.passages is not None
-        if named or arena.stations or not self.robot_fits_arena:
+        if named or not self.robot_fits_arena:
             return arena
         starts = [Point(start.pose.x, start.pose.y) for _, start in self.robots]
         goals = [place for area in arena.areas if area.box is None for place in area.places]
-        return replace(arena, passages=found_passages(arena, [*starts, *goals]))
+        stations = [place for name, _ in arena.stations for place in self.places_in(self.areas[name][1])]
+        return replace(arena, passages=found_passages(arena, [*starts, *goals, *stations]))
 
     @property
     def entrances(self) -> dict[FilePath, tuple[str, list[str]]]:
@@ -168,15 +172,19 @@ class LabDraft:
 
     def places_of(self, area: Area, shape: RobotShape | None = None) -> int:
         """Return how many robots of `shape` (None: of the lab) can stand in `area` at a time."""
+        return len(self.places_in(area, shape))
+
+    def places_in(self, area: Area, shape: RobotShape | None = None) -> tuple[Point, ...]:
+        """Return where robots of `shape` (None: of the lab) can stand in `area`."""
         if area.box is None:
-            return len(area.places)
+            return area.places
         # The planner doubles the start-up time of a lab without such a station.
         from rmr.node.driver import spots  # noqa: PLC0415
 
         shape = self.arena.shape if shape is None else shape
         parts = tuple(part for parts in (*(parts for _, parts in self.obstacles), self.map_boxes) for part in parts)
         floor = Arena(*self.spec.arena.size, self.spec.arena.cell, parts, shape=shape)
-        return sum(floor.clearance(*place) > shape.radius for place in spots(floor, area))
+        return tuple(place for place in spots(floor, area) if floor.clearance(*place) > shape.radius)
 
     def _obstacles(self) -> list[tuple[int, list[Obstacle]]]:
         built: list[tuple[int, list[Obstacle]]] = []

@@ -42,16 +42,14 @@ def stations_apart(draft: LabDraft) -> Iterator[Finding]:
                 yield draft.error(("areas", queued, "queue"), message)
 
 
-def stations_without_passages(draft: LabDraft) -> Iterator[Finding]:
-    """A lab has stations or passages: a drive by the turn of a station passes a passage without one."""
-    if draft.spec.stations and draft.entrances:
-        what = "a bottleneck" if draft.spec.bottleneck is not None else "passages"
-        where = "the bottleneck" if draft.spec.bottleneck is not None else "a passage"
-        message = f"a lab with {what} has no stations: a robot drives into a station without a turn at {where}"
+def stations_without_bottleneck(draft: LabDraft) -> Iterator[Finding]:
+    """A lab with stations has no bottleneck: the turns of that are by event, and who drives into a station has none."""
+    if draft.spec.stations and draft.spec.bottleneck is not None:
+        message = "a lab with a bottleneck has no stations: name the narrow section under passages instead"
         yield draft.error(("stations",), message)
 
 
-CHECKS = (stations_defined, stations_have_places, stations_apart, stations_without_passages)
+CHECKS = (stations_defined, stations_have_places, stations_apart, stations_without_bottleneck)
 """The rules of the stations."""
 
 

@@ -1,11 +1,11 @@
 """Stations and program: robots drive into each station, and can leave it again."""
 
-from collections.abc import Iterator
-from itertools import combinations, islice
+from collections.abc import Iterator, Sequence
+from itertools import combinations, islice, pairwise
 
 from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Area
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
 from rmr.node.driver import spots
@@ -52,15 +52,35 @@ def stations_left(lab: Lab, program: Program) -> Iterator[Finding]:
                 break
 
 
+def stations_off_passages(lab: Lab, program: Program) -> Iterator[Finding]:
+    """No place of a station lies in a passage that the file names: a robot that stays there would close it."""
+    del program
+    arena = lab.arena
+    for passage in [each for each in arena.passages if each.two_ended and not each.found] if arena.stations else ():
+        way = plan(arena, passage.mouth(0), passage.mouth(1))
+        for name, _ in arena.stations if way is not None else ():
+            area = arena.area(name)
+            assert way is not None
+            assert area is not None
+            if any(_off(place, way.points) < 2.0 * arena.shape.radius for place in spots(arena, area)):
+                message = f"lies in passage '{passage.name}': a robot that stays there would close it"
+                yield lab.error(_path(lab, name), message)
+
+
 FIT = (stations_used,)
 """The rules of stations and program."""
-REACHABILITY = (stations_left,)
-"""The rules of the ways out."""
+REACHABILITY = (stations_left, stations_off_passages)
+"""The rules of the ways out and past."""
 
 
 def _path(lab: Lab, name: str) -> FilePath:
     path: FilePath = ("stations", name)
     return path if path in lab.places else ("stations",)
+
+
+def _off(place: Point, way: Sequence[Point]) -> float:
+    """Return how far `place` is from `way`, metres."""
+    return min(point_segment_distance(*place, *a, *b) for a, b in pairwise(way))
 
 
 def _points_outside(lab: Lab, area: Area) -> Point | None:
