@@ -1,9 +1,9 @@
 """The queue for a goal: of robots that drive to one place the later ones wait at a distance from it.
 
 Where all of them drove up to it, none could leave. Nobody leads the queue: a robot that is near the goal goes on, of
-those that wait the first in the order goes next, and who stands on the goal is waited for until it has left. The more
-go first, the farther away a robot waits, so that they do not close a ring around the one that leaves. It costs nothing
-where goals differ.
+those that wait about as far away the first in the order goes next, and who stands on the goal is waited for until it
+has left. The more go first, the farther away a robot waits, so that they do not close a ring around the one that
+leaves. It costs nothing where goals differ.
 """
 
 from collections.abc import Sequence
@@ -59,8 +59,13 @@ def robots_ahead(
         comes = is_one_goal(other.goal, goal, shape)
         if its < reach:
             ahead += away >= reach and not _waits_for(here, other, others, reach)
-        elif comes and (its < away if its < near else away >= near and order_key(other.rank, other.robot) < mine):
-            ahead += 1
+        elif not comes:
+            continue
+        elif its < near:
+            ahead += its < away
+        elif away >= near:  # who is farther off by a zone could not get past those that wait
+            zone_m = NEAR_RADII * radius
+            ahead += (int(its / zone_m), order_key(other.rank, other.robot)) < (int(away / zone_m), mine)
     return ahead
 
 

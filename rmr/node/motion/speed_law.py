@@ -80,8 +80,9 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "goal",
         HazardStage.CAP,
         "several robots that drive to one place",
-        "a robot whose goal is taken waits six radii before it, so that the one there can leave; each that goes later, "
-        "in the order, waits three radii farther away, up to five of them; robots on each other's goals go",
+        "a robot whose goal is taken waits six radii before it, so that the one there can leave; each that goes later "
+        "(farther off by six radii, else later in the order) waits three radii farther away, up to five of them; "
+        "robots on each other's goals go",
         "goal_queue.py",
     ),
     Hazard(

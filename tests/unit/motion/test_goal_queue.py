@@ -31,6 +31,8 @@ def one(away_m: float, rank: int = 0, goal: Point = GOAL, robot: int = 1) -> Hea
         (WAITING, [one(WAITING, rank=3)], 0),
         (WAITING, [one(WAITING)], 0),  # without a place in the order
         (WAITING, [one(FAR, rank=1)], 0),  # it does not wait yet
+        (WAITING, [one(2.0 * WAITING, rank=1)], 0),  # it would have to get past this robot
+        (2.0 * WAITING, [one(WAITING, rank=3)], 1),
         (WAITING, [one(NEAR, goal=ELSEWHERE)], 0),
         (WAITING, [one(0.1, goal=ELSEWHERE)], 1),  # it stands on the goal, and is about to leave
         (0.1, [one(0.1, goal=ELSEWHERE)], 0),
