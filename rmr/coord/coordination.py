@@ -131,6 +131,14 @@ class Coordination:
         heard = (record.beacon.direction for record in context.fence.records.values())
         return any(direction != EXCLUSIVE for direction in (*listed, *heard))
 
+    def contended(self, group_id: bytes) -> bool:
+        """Return whether the schedule of `group_id` lists another robot whose turn is not over."""
+        group = self._groups.get(group_id)
+        if group is None:
+            return False
+        others = [e for e in group.context.held.entries() if e.robot not in (NOBODY, self.robot)]
+        return any(entry.phase not in OVER for entry in others)
+
     def inside(self, now: Instant, group_id: bytes) -> list[int]:
         """Return the other robots that are to be taken for inside, as far as this one has heard."""
         group = self._groups.get(group_id)

@@ -235,9 +235,13 @@ class Crossing:
         if isinstance(self.phase, Inside):
             self.job = job
             return []
+        self._begin_anew()
+        return self.renew(now, job, goal)
+
+    def _begin_anew(self) -> None:
+        """Forget what has been missed: of another job, or at another resource."""
         self.late.forget()
         self.release = 0
-        return self.renew(now, job, goal)
 
     def lead_to(self, now: Instant, goal: Area | None) -> list[Command]:
         """Take the goal from the action if the job does not define it: the route may differ from the reported one."""
@@ -268,6 +272,7 @@ class Crossing:
         assert isinstance(self.phase, Preparing), self.phase
         self.group_id = group_id
         self.trigger = max(self.trigger, trigger)
+        self._begin_anew()
 
     def finish(self) -> list[Command]:
         """Handle the end of the job before the robot has entered."""
@@ -346,13 +351,13 @@ class Crossing:
         self.plan = situation.plan or self.plan
         slot = phase.start if isinstance(phase, Slotted) else None
         symptom = self.late.diagnose(now, situation, self.plan.approach, self.release, slot)
-        return [] if symptom is None else self._treat(now, symptom)
+        return [] if symptom is None else self._treat(now, symptom, situation)
 
     def _goes_elsewhere(self, plan: CrossingPlan | None) -> bool:
         return plan is not None and plan.gated and plan.passage != self.plan.passage
 
-    def _treat(self, now: Instant, symptom: Symptom) -> list[Command]:
-        release = self.late.treat(now, symptom, self.plan.approach)
+    def _treat(self, now: Instant, symptom: Symptom, situation: Situation) -> list[Command]:
+        release = self.late.treat(now, symptom, self.plan.approach, alone=situation.alone)
         if release is None:
             return []
         self.release = release
@@ -376,7 +381,7 @@ class Crossing:
         revised: list[Command] = []
         if missed and self.plan.gated and not situation.ready:
             cannot_be_passed = situation.late_goes_next and situation.set_out and self.plan.approach <= NEAR_ENTRANCE
-            revised = self._treat(now, Symptom.RETRY_NEXT if cannot_be_passed else Symptom.SLOT_WASTED)
+            revised = self._treat(now, Symptom.RETRY_NEXT if cannot_be_passed else Symptom.SLOT_WASTED, situation)
         self._enter(type(event), Asking(0))
         return [*revised, self.hold_line(), TraceEntry("slot_lost", {"event": self.told, "missed": missed})]
 
@@ -397,7 +402,7 @@ class Crossing:
         if slept and situation.before_hold_line and not self.plan.within:
             return self.renew(now, self.job, self.goal)  # others may have entered since, for they heard nothing of it
         if self._leaves_entry_unused(now, situation):
-            self._treat(now, Symptom.ENTRY_UNUSED)
+            self._treat(now, Symptom.ENTRY_UNUSED, situation)
             return self.renew(now, self.job, self.goal)
         if situation.cleared:
             return self.leave()

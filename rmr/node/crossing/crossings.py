@@ -15,6 +15,7 @@ from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
+    EntryMissed,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -457,4 +458,7 @@ class Crossings:
             return
         if not crossing.over:
             self.next_wake = min(self.next_wake, self._robot.frame_ends)
-        self._executor.execute(now, crossing, crossing.handle(now, event, self._observer.at_event(crossing)))
+        situation = self._observer.at_event(crossing)
+        if isinstance(event, EntryMissed):
+            situation = self._observer.with_others(crossing, situation)
+        self._executor.execute(now, crossing, crossing.handle(now, event, situation))

@@ -132,8 +132,11 @@ class Lateness:
             deferred = slot - expected >= seconds(PUT_OFF_S) and expected >= release
         return Symptom.DEFERRED if deferred else None
 
-    def treat(self, now: Instant, symptom: Symptom, approach: Duration) -> Instant | None:
-        """Return the release that the leader hears; None where it hears nothing yet."""
+    def treat(self, now: Instant, symptom: Symptom, approach: Duration, *, alone: bool = False) -> Instant | None:
+        """Return the release that the leader hears; None where it hears nothing yet.
+
+        A robot that is `alone` in the schedule need not let others go first.
+        """
         ready = now + max(approach, APPROACH_MIN)
         match POLICIES[symptom].remedy:
             case Remedy.POSTPONED:
@@ -150,6 +153,8 @@ class Lateness:
         self.stuck_since = now
         self.blocking_since = None
         further = self.slots_wasted - in_a_row
+        if alone:
+            return ready
         if further < 0:
             return ready if symptom is Symptom.STUCK else None
         self.demoted_at = now
@@ -157,9 +162,12 @@ class Lateness:
         return ready + min(BACK_OFF << min(further, 1), BACK_OFF_MAX)
 
     def forget(self) -> None:
-        """Begin anew with a job that is started anew."""
+        """Begin anew with a job that is started anew, or at another resource."""
         self.slots_wasted = 0
         self.demoted_at = None
+        self.committed = False
+        self.stuck_at = None
+        self.blocking_since = None
 
     def _blocks_entrance(self, now: Instant, slot: Instant | None, *, in_entrance: bool) -> bool:
         """Return whether the robot has stood in an entrance for too long.

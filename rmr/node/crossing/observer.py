@@ -43,7 +43,8 @@ class Observer:
         if isinstance(phase, Inside):
             if driver is None or not crossing.plan.gated:
                 return Situation()
-            return inside(driver.navigator, crossing, self._robot.pose, phase.route)
+            found = inside(driver.navigator, crossing, self._robot.pose, phase.route)
+            return self.with_others(crossing, found) if found.retreating or found.before_hold_line else found
         if crossing.beyond and self._core.passes(crossing.group_id):
             return Situation(excused=True)
         if driver is not None and crossing.poll_is_due(now):
@@ -64,6 +65,10 @@ class Observer:
         serves_here = any(not each.uses_wheels or Symbol(goal.name) in each.args for each in crossing.serving)
         stays = serves_here or (bound_for and leads_in)
         return Situation(cleared=not within and not stays, retreating=within and bound_for and not leads_in)
+
+    def with_others(self, crossing: Crossing, found: Situation) -> Situation:
+        """Return `found`, with whether anybody else is in the schedule."""
+        return found._replace(alone=not self._core.contended(crossing.group_id))
 
     def at_event(self, crossing: Crossing, *, plan: CrossingPlan | None = None) -> Situation:
         """Return what costs nothing, which is all that events need; `plan`: if another one than before holds."""
@@ -153,7 +158,7 @@ class Observer:
         _, plan = self.estimate(now, crossing)
         newest = plan or crossing.plan
         passage = navigator.arena.passage(newest.passage) if newest.gated else None
-        return self.at_event(crossing, plan=newest)._replace(
+        return self.with_others(crossing, self.at_event(crossing, plan=newest))._replace(
             pose=pose,
             plan=plan,
             in_entrance=resource.in_entrance(navigator, passage, crossing.goal, pose),

@@ -59,6 +59,8 @@ class Situation(NamedTuple):
     """Whether the robot would enter now: it is at its commit line, or its action waits."""
     excused: bool = False
     """Whether it is beyond the resource that others of its group are known to pass."""
+    alone: bool = False
+    """Whether the schedule is known to list nobody else: asked where a robot may have to let others go first."""
     # -- preparing, and polls of one that waits
     may_ask: bool = False
     """Whether the robot knows where it is, and need not listen first."""

@@ -57,6 +57,28 @@ def reaches(one: Crossing, approach: Duration) -> None:
     one.plan = replace(one.plan, approach=approach)
 
 
+def test_a_robot_that_is_alone_in_the_schedule_lets_nobody_go_first():
+    one = crossing()
+    situation = Situation(alone=True)
+    for turn in range(1, WASTED_MAX + 3):
+        now = seconds(10.0 * turn)
+        one.handle(now, SlotAssigned(GROUP, 0, 1, 1, now, now, 1, 1), situation)
+        told = revision(one.handle(now, EntryMissed(GROUP), situation))
+        assert told is not None
+        assert told.release == now + one.plan.approach
+    assert one.late.demoted_at is None
+
+
+def test_what_was_missed_at_one_passage_counts_at_no_other():
+    one = crossing()
+    for turn in range(1, WASTED_MAX + 2):
+        wastes_slot(one, seconds(10.0 * turn))
+    assert one.late.demoted_at is not None
+    one.phase = Preparing()
+    one.move(b"other.")
+    assert (one.late.demoted_at, one.late.slots_wasted, one.release) == (None, 0, 0)
+
+
 def test_every_symptom_has_one_policy():
     assert set(POLICIES) == set(Symptom)
 
