@@ -437,7 +437,9 @@ class Navigator:
         """Return whether a robot that may enter a passage would leave it for another one, or for none, by `route`."""
         gate = self._gate
         bound = gate.opened and not gate.passed and self.arena.has_shared_passages
-        return bound and gate.passage not in (None, *self.behind) and route.passage != gate.passage
+        if not bound or gate.passage is None or gate.passage in self.behind:
+            return False
+        return route.passage != gate.passage
 
     def _queues_for_others(self, route: Route, around: tuple[Point, ...]) -> bool:
         """Return whether `route` leads to a passage, from a way without any, around robots that will drive on.
