@@ -14,9 +14,10 @@ serves a run under way, too; whatever is open then ends at the instant asked for
 | dead | the robot was killed, or has died | it was restarted |
 | stopped | the robot was stopped in order | it was restarted |
 
-Actions are intervals of their own, from `action` to `action_ended`: a lane shows them where a robot takes no turns.
+Each kind also ends with `withdrawn`. A robot may have several turns at a time, of different events: one at a passage,
+say, while it has its place in a station. Their intervals overlap.
 
-Only `entered`, `left` and `slot_lost` name the event. What a robot did before belongs to the event that it names next.
+Actions are intervals of their own, from `action` to `action_ended`: a lane shows them where a robot takes no turns.
 """
 
 import math
@@ -47,6 +48,27 @@ Record = dict[str, Any]
 
 
 @dataclass(slots=True)
+class _Turn:
+    """What a robot does about one event."""
+
+    event: str | None
+    """None: of a recording in which requests did not name it yet."""
+    kind: str
+    """Asking, waiting or inside."""
+    since: float
+    slot_s: float = 0.0
+    """While waiting: when the slot begins."""
+    claim_from: float = 0.0
+    """While waiting: when the claim for this slot begins."""
+
+    def closed(self, end: float) -> list[Record]:
+        """Return the turn as intervals that end at `end`: a wait that became a claim is two."""
+        split = self.claim_from if self.kind == "waiting" else end
+        parts = [(self.kind, self.since, min(split, end)), ("claiming", max(split, self.since), end)]
+        return [_interval(kind, begin, until, self.event) for kind, begin, until in parts if until > begin]
+
+
+@dataclass(slots=True)
 class _Lane:
     """One robot."""
 
@@ -54,55 +76,52 @@ class _Lane:
     deadlines: list[Record] = field(default_factory=list)
     actions: deque[Record] = field(default_factory=lambda: deque(maxlen=ACTIONS_MAX))
     """Those that have begun; `end_s` is None while one is under way."""
-    kind: str = ""
-    """Present kind: asking, waiting, inside, dead or stopped; empty: none of them."""
-    since: float = 0.0
-    slot_s: float = 0.0
-    """While waiting: when the slot begins."""
-    claim_from: float = 0.0
-    """While waiting: when the claim for this slot begins."""
-    event: str | None = None
-    """The event that the robot named last."""
-    unnamed: list[Record] = field(default_factory=list)
-    """Records whose event the robot has not named yet."""
+    turns: dict[str | None, _Turn] = field(default_factory=dict)
+    """Its present turns by event."""
+    gone: str = ""
+    """Dead or stopped, if there is no process."""
+    gone_since: float = 0.0
 
-    def closed(self, end: float) -> list[Record]:
-        """Return the present kind as intervals that end at `end`: a wait that became a claim is two."""
-        split = self.claim_from if self.kind == "waiting" else end
-        parts = [(self.kind, self.since, min(split, end)), ("claiming", max(split, self.since), end)]
-        return [
-            {"kind": kind, "begin_s": begin, "end_s": until, "event": None}
-            for kind, begin, until in parts
-            if kind and until > begin
-        ]
+    def kind(self, event: str | None) -> str:
+        """Return what the robot does about `event`; empty: nothing."""
+        turn = self.turns.get(event)
+        return "" if turn is None else turn.kind
 
-    def enter(self, kind: str, now: float) -> None:
-        """Close the present interval and begin one of `kind`."""
-        ended = self.closed(now)
+    def enter(self, event: str | None, kind: str, now: float) -> None:
+        """Close the interval of `event`, and begin one of `kind` if that is not empty."""
+        self.live(now)
+        turn = self.turns.pop(event, None) or self.turns.pop(None, None)
+        if turn is not None:
+            turn.event = event
+            self.intervals += turn.closed(now)
+        if kind:
+            self.turns[event] = _Turn(event, kind, now)
+
+    def die(self, kind: str, now: float) -> None:
+        """Close all intervals: the process has ended."""
+        for turn in self.turns.values():
+            self.intervals += turn.closed(now)
+        self.turns.clear()
+        for begun in self.actions:
+            if begun["end_s"] is None:
+                begun["end_s"] = now
+        self.gone = kind
+        self.gone_since = now
+
+    def live(self, now: float) -> None:
+        """Note that there is a process."""
         if self.gone:
-            self.intervals += ended
-        else:
-            for interval in ended:
-                self.add(self.intervals, interval)
-        self.kind = kind
-        self.since = now
+            self.intervals.append(_interval(self.gone, self.gone_since, now))
+            self.gone = ""
 
-    @property
-    def gone(self) -> bool:
-        """Whether there is no process."""
-        return self.kind in GONE.values()
+    def present(self, end: float) -> list[Record]:
+        """Return what is open as intervals that end at `end`."""
+        gone = [_interval(self.gone, self.gone_since, end)] if self.gone else []
+        return gone + [interval for turn in self.turns.values() for interval in turn.closed(end)]
 
-    def add(self, records: list[Record], record: Record) -> None:
-        """Add a record, whose event is the one that the robot names next."""
-        records.append(record)
-        self.unnamed.append(record)
 
-    def name(self, event: str) -> None:
-        """Give its event to all that had none."""
-        for record in self.unnamed:
-            record["event"] = event
-        self.unnamed.clear()
-        self.event = event
+def _interval(kind: str, begin: float, end: float, event: str | None = None) -> Record:
+    return {"kind": kind, "begin_s": begin, "end_s": end, "event": event}
 
 
 class TurnIntervals:
@@ -115,7 +134,7 @@ class TurnIntervals:
         self._leaders: list[Record] = []
         self._schedules: list[Record] = []
         self._faults: list[Record] = []
-        self._known: set[tuple[int, int, tuple[int, ...]]] = set()
+        self._known: set[tuple[str | None, int, int, tuple[int, ...]]] = set()
 
     def add(self, entry: Mapping[str, Any]) -> None:
         """Take in an entry of the trace; those of no concern are ignored."""
@@ -124,7 +143,7 @@ class TurnIntervals:
             return
         lane = self._lane(entry["robot"])
         now = float(entry["t"])
-        if entry["what"] == "fault" or not lane.gone or now > lane.since + DYING_S:
+        if entry["what"] == "fault" or not lane.gone or now > lane.gone_since + DYING_S:
             take(self, lane, now, entry)
 
     def add_fault(self, fault: Mapping[str, Any]) -> None:
@@ -135,9 +154,9 @@ class TurnIntervals:
         if end is not None:
             self._end(self._lane(fault[end]), times["at"], GONE[end])
         elif "restart" in fault:
-            self._live(self._lane(fault["restart"]), times["at"])
+            self._lane(fault["restart"]).live(times["at"])
         elif "stall" in fault:
-            stalled = {"kind": "stalled", "begin_s": times["from"], "end_s": times.get("to", math.inf), "event": None}
+            stalled = _interval("stalled", times["from"], times.get("to", math.inf))
             self._lane(fault["stall"]).intervals.append(stalled)
 
     def end_faults(self, now: float, keep: int) -> None:
@@ -156,8 +175,8 @@ class TurnIntervals:
         }
 
     def _shown(self, robot: int, lane: _Lane, end_s: float) -> Record:
-        now = [{**each, "event": lane.event if lane.kind == "inside" else None} for each in lane.closed(end_s)]
-        intervals = [{**each, "end_s": min(each["end_s"], end_s)} for each in (*lane.intervals, *now)]
+        found = (*lane.intervals, *lane.present(end_s))
+        intervals = [{**each, "end_s": min(each["end_s"], end_s)} for each in found]
         ordered = sorted(intervals, key=lambda each: (each["begin_s"], each["end_s"], each["kind"]))
         actions = [{**each, "end_s": end_s if each["end_s"] is None else each["end_s"]} for each in lane.actions]
         deadlines = [dict(each) for each in lane.deadlines]
@@ -168,30 +187,32 @@ class TurnIntervals:
 
     # -- entries of the trace, by their word -----------------------------------------------------------------------
 
-    def _asks(self, lane: _Lane, now: float, _: Mapping[str, Any]) -> None:
-        if lane.kind != "asking":
-            lane.enter("asking", now)
+    def _asks(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        event = entry.get("event")
+        if lane.kind(event) != "asking":
+            lane.enter(event, "asking", now)
 
     def _slotted(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        event = entry.get("event")
         slot_s = float(entry["start_s"])
-        if lane.kind == "waiting" and slot_s == lane.slot_s:
+        turn = lane.turns.get(event)
+        waits = turn is not None and turn.kind == "waiting"
+        if turn is not None and waits and slot_s == turn.slot_s:
             return  # only its rank has changed: a claim goes on
-        if lane.kind != "waiting" or lane.claim_from < now:
-            lane.enter("waiting", now)
-        lane.slot_s = slot_s
-        lane.claim_from = max(now, round(slot_s - self._claim_s, 6))
+        if turn is None or not waits or turn.claim_from < now:
+            lane.enter(event, "waiting", now)
+            turn = lane.turns[event]
+        turn.slot_s = slot_s
+        turn.claim_from = max(now, round(slot_s - self._claim_s, 6))
 
     def _slot_lost(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
-        lane.enter("asking", now)
-        lane.name(entry["event"])
+        lane.enter(entry["event"], "asking", now)
 
     def _entered(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
-        lane.enter("inside", now)
-        lane.name(entry["event"])
+        lane.enter(entry["event"], "inside", now)
 
-    def _left(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
-        lane.enter("", now)
-        lane.name(entry["event"])
+    def _over(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        lane.enter(entry["event"], "", now)
 
     def _job_started(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
         before = _newest(lane, entry["job"])
@@ -205,29 +226,30 @@ class TurnIntervals:
         if job is not None and job["finish_s"] is None:
             job["finish_s"] = now
             job["met"] = job["met"] is None
-        if lane.kind in {"asking", "waiting"} and all(each["finish_s"] is not None for each in lane.deadlines):
-            lane.enter("", now)  # its last job ended before its turn, which it no longer needs
 
     def _deadline_missed(self, lane: _Lane, _now: float, entry: Mapping[str, Any]) -> None:
         job = _newest(lane, entry["job"])
         if job is not None and job["finish_s"] is None:
             job["met"] = False
 
-    def _leads(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
-        self._follow(entry["robot"], now)
-        term = {"event": lane.event, "robot": entry["robot"], "term": entry["term"], "begin_s": now, "end_s": None}
-        self._of_event(lane, self._leaders, term)
+    def _leads(self, _lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        event = entry.get("event")
+        self._follow(entry["robot"], now, event)
+        self._leaders.append(
+            {"event": event, "robot": entry["robot"], "term": entry["term"], "begin_s": now, "end_s": None}
+        )
 
-    def _scheduled(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+    def _scheduled(self, _lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
+        event = entry.get("event")
         leader = entry["leader"]
         if entry["robot"] != leader:
-            self._follow(entry["robot"], now)
-        known = (leader, entry["term"], tuple(entry["order"]))
+            self._follow(entry["robot"], now, event)
+        known = (event, leader, entry["term"], tuple(entry["order"]))
         if entry["robot"] != leader and known in self._known:
             return  # an order that the leader itself has told; what followers hear later may be older than its newest
         self._known.add(known)
         words = {"leader": leader, "term": entry["term"], "order": list(entry["order"])}
-        self._of_event(lane, self._schedules, {"t_s": now, "event": lane.event, **words})
+        self._schedules.append({"t_s": now, "event": event, **words})
 
     def _action(self, lane: _Lane, now: float, entry: Mapping[str, Any]) -> None:
         lane.actions.append({"action": entry["action"], "begin_s": now, "end_s": None, "failure": None})
@@ -242,14 +264,15 @@ class TurnIntervals:
         if entry["fault"] in GONE:
             self._end(lane, now, GONE[entry["fault"]])
         elif entry["fault"] == "restarted":
-            self._live(lane, now)
+            lane.live(now)
 
     _WORDS: ClassVar[dict[str, Callable[["TurnIntervals", _Lane, float, Mapping[str, Any]], None]]] = {
         "asks": _asks,
         "slotted": _slotted,
         "slot_lost": _slot_lost,
         "entered": _entered,
-        "left": _left,
+        "left": _over,
+        "withdrawn": _over,
         "job_started": _job_started,
         "job_finished": _job_finished,
         "deadline_missed": _deadline_missed,
@@ -263,33 +286,20 @@ class TurnIntervals:
 
     # -- shared -----------------------------------------------------------------------------------------------------
 
-    def _of_event(self, lane: _Lane, records: list[Record], record: Record) -> None:
-        if lane.kind in {"asking", "waiting"}:
-            record["event"] = None
-            lane.add(records, record)
-        else:
-            records.append(record)
-
-    def _follow(self, robot: int, now: float) -> None:
-        """End what `robot` leads: it has heard of another leader, leads another term, or is dead."""
+    def _follow(self, robot: int, now: float, event: str | None) -> None:
+        """End what `robot` leads of `event`: it has heard of another leader, or leads another term."""
         for term in self._leaders:
-            if term["robot"] == robot and term["end_s"] is None:
+            if term["robot"] == robot and term["end_s"] is None and term["event"] == event:
                 term["end_s"] = now
 
     def _end(self, lane: _Lane, now: float, kind: str) -> None:
         if lane.gone:
             return
-        lane.enter(kind, now)
-        for begun in lane.actions:
-            if begun["end_s"] is None:
-                begun["end_s"] = now
-        lane.unnamed.clear()
-        lane.event = None
-        self._follow(next(robot for robot, each in self._lanes.items() if each is lane), now)
-
-    def _live(self, lane: _Lane, now: float) -> None:
-        if lane.gone:
-            lane.enter("", now)
+        lane.die(kind, now)
+        robot = next(robot for robot, each in self._lanes.items() if each is lane)
+        for term in self._leaders:
+            if term["robot"] == robot and term["end_s"] is None:
+                term["end_s"] = now
 
 
 def timeline(

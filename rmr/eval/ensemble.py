@@ -61,7 +61,7 @@ REPEATS_MAX = 64
 RANGE_M = 1.0
 """Distance D of every fact `range(R, B, D)`: robots without bodies have no position."""
 
-ABOUT_SCHEDULES = frozenset({"asks", "slotted", "slot_lost", "entered", "left", "scheduled", "leads"})
+ABOUT_SCHEDULES = frozenset({"asks", "slotted", "slot_lost", "entered", "left", "withdrawn", "scheduled", "leads"})
 ABOUT_FRAMES = frozenset({"repeated", "delivered", "malformed", "other_program"})
 """Kinds of notes that are no events of the program: they do not count as the last event."""
 

@@ -75,15 +75,16 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "received": TraceEvent(("source", "predicate", "fact"), "it has arrived here, the first time"),
     "malformed": TraceEvent(("source", "why"), "a frame that no robot of this program sends was dropped"),
     "other_program": TraceEvent(("source",), "another robot runs another program"),
-    "asks": TraceEvent(("approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),
-    "slotted": TraceEvent(("rank", "start_s", "end_s"), "it has a slot"),
+    "asks": TraceEvent(("event", "approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),
+    "slotted": TraceEvent(("event", "rank", "start_s", "end_s"), "it has a slot"),
     "slot_lost": TraceEvent(("event", "missed"), "its slot is gone; whether it let it pass"),
     "entered": TraceEvent(
         ("event", "cautious"), "its turn has begun; cautious: it cannot know that no other robot is inside"
     ),
     "left": TraceEvent(("event",), "its turn is over"),
-    "scheduled": TraceEvent(("leader", "term", "order"), "a new schedule of an event was heard or made"),
-    "leads": TraceEvent(("term",), "the robot leads an event's schedule"),
+    "withdrawn": TraceEvent(("event",), "it needs the turn no longer, or asks anew, perhaps elsewhere"),
+    "scheduled": TraceEvent(("event", "leader", "term", "order"), "a new schedule of an event was heard or made"),
+    "leads": TraceEvent(("event", "term"), "the robot leads an event's schedule"),
     "program": TraceEvent(
         ("digest", "facts", "ended"), "the robot has changed its program: how many facts it keeps, what has ended"
     ),

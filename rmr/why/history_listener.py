@@ -13,6 +13,7 @@ from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.crossing_table import gate_of
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.crossing.phases import Preparing
 from rmr.node.driver import Driver
@@ -173,10 +174,8 @@ class HistoryListener:
             if entry["what"] == "entered":
                 self._leave(entry["event"], now)
                 self._inside[entry["event"]] = self._group(entry["event"], node), now
-            elif entry["what"] in ("left", "slot_lost"):
+            elif entry["what"] in ("left", "slot_lost", "withdrawn"):
                 self._leave(entry["event"], now)
-            elif entry["what"] == "asks" and node.crossings.current is not None:
-                self._leave(node.crossings.current.told, now)
             elif entry["what"] == "sent":
                 self._name_sent(entry)
             elif entry["what"] == "undelivered":
@@ -187,10 +186,8 @@ class HistoryListener:
 
     def _group(self, told: str, node: WatchedNode) -> bytes:
         """Return the group of a resource of which the trace tells, that of an event, a station or a passage."""
-        current = node.crossings.current
-        if current is not None and current.told == told:
-            return current.group_id
-        return self._groups.get(told, told.encode())
+        groups = [crossing.group_id for crossing in node.crossings.all_current if crossing.told == told]
+        return groups[-1] if groups else self._groups.get(told, told.encode())
 
     def _leave(self, told: str, now: Instant) -> None:
         if told in self._inside:
@@ -210,7 +207,7 @@ class HistoryListener:
                 action = self._mind.actions.get(running.serial)
                 if action is None or action.executor != self._robot:
                     continue
-                crossing = node.crossings.crossing(running)
+                crossing = gate_of(running)
                 if crossing is not None:
                     self._take_gate(now, action, crossing)
                 if what and (not action.waits or action.waits[-1][1] != what):

@@ -432,7 +432,7 @@ export class Timeline {
     for (const one of lane?.deadlines ?? []) {
       if (Math.abs(one.deadline_s - t) < near * (b - a)) lines.push(deadlineText(one, this.source.end));
     }
-    const interval = lane?.intervals.find((one) => one.begin_s <= t && (t < one.end_s || one.open));
+    const interval = lane?.intervals.findLast((one) => one.begin_s <= t && (t < one.end_s || one.open));
     if (interval) {
       const event = interval.event ? `, ${interval.event}` : "";
       lines.push(`Robot ${robot} ${stateText(interval.kind)}${event}: ${clockText(interval.begin_s)} to ${interval.open ? "now" : clockText(interval.end_s)}`);

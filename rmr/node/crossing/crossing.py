@@ -199,7 +199,7 @@ class Crossing:
             return self._request(now, phase, situation)
         if self.beyond and situation.excused:
             self._enter(OwnEvent.EXCUSED, Left())
-            return [Withdraw()]
+            return self._withdraw()
         commands = self._poll(now, phase, situation)
         return commands if isinstance(self.phase, Preparing) else [*commands, SetReady(situation.ready)]
 
@@ -222,7 +222,7 @@ class Crossing:
 
     def renew(self, now: Instant, job: TimedJob, goal: Area | None) -> list[Command]:
         """Give up what was requested, so that a new request follows."""
-        given_up: list[Command] = [] if isinstance(self.phase, (Preparing, Left)) else [Withdraw()]
+        given_up = [] if isinstance(self.phase, (Preparing, Left)) else self._withdraw()
         self._enter(OwnEvent.RENEWED, Preparing())
         self.job = job
         self.goal = goal
@@ -288,7 +288,10 @@ class Crossing:
     def _give_up(self, event: OwnEvent) -> list[Command]:
         requested = not isinstance(self.phase, Preparing)
         self._enter(event, Left())
-        return [Withdraw()] if requested else []
+        return self._withdraw() if requested else []
+
+    def _withdraw(self) -> list[Command]:
+        return [Withdraw(), TraceEntry("withdrawn", {"event": self.told})]
 
     def leave(self) -> list[Command]:
         """Leave: the robot is clear of the resource."""
@@ -319,7 +322,7 @@ class Crossing:
         self.release = max(self.release, now + plan.approach)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
         fields = {name: in_seconds(time) for name, time in times.items()}
-        return [TraceEntry("asks", {**fields, "way": plan.direction}), self._job_request()]
+        return [TraceEntry("asks", {"event": self.told, **fields, "way": plan.direction}), self._job_request()]
 
     def _job_request(self) -> JobRequest:
         plan = self.plan
@@ -369,7 +372,7 @@ class Crossing:
         self._enter(SlotAssigned, Slotted(event.start, phase.polled_at))
         self.course.replan_from = event.start - REPLAN_BEFORE
         times = {"start_s": in_seconds(event.start), "end_s": in_seconds(event.end)}
-        commands: list[Command] = [TraceEntry("slotted", {"rank": event.rank, **times})]
+        commands: list[Command] = [TraceEntry("slotted", {"event": self.told, "rank": event.rank, **times})]
         if (event.rank, event.place) != (self.rank, self.place):
             self.rank = event.rank
             self.place = event.place

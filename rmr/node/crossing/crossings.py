@@ -377,6 +377,11 @@ class Crossings:
         crossing = self._table.at(group_id)
         return None if crossing is None else Symbol(crossing.passage or crossing.job.name)
 
+    def _told(self, group_id: bytes) -> str:
+        """Return what the trace calls a group."""
+        crossing = self._table.at(group_id)
+        return group_id.hex() if crossing is None else crossing.told
+
     def stands_inside(self, group_id: bytes, robot: int) -> bool:
         """Return whether `robot` was in the resource of a group, and in the way there, when it was heard last."""
         crossing = self._table.at(group_id)
@@ -431,7 +436,7 @@ class Crossings:
             case PathReceived(direction=direction, path=path):
                 self._paths.received(group_id, direction, path)
             case LeadershipBegan(term=term):
-                self._robot.trace(now, "leads", term=term)
+                self._robot.trace(now, "leads", event=self._told(group_id), term=term)
                 self._leader_changed(now, group_id, leads=True)
                 crossing = self._table.at(group_id)
                 if crossing is not None:
@@ -440,7 +445,8 @@ class Crossings:
                 self._leader_changed(now, group_id, leads=False)
             case ScheduleChanged(leader=leader, term=term, order=order):
                 keep(self.schedules, group_id, event)
-                self._robot.trace(now, "scheduled", leader=leader, term=term, order=list(order))
+                told = self._told(group_id)
+                self._robot.trace(now, "scheduled", event=told, leader=leader, term=term, order=list(order))
             case _:
                 self._handle_slot(now, event)
 

@@ -13,8 +13,11 @@ def entry(t, robot, what, **fields):
     return {"t": t, "robot": robot, "what": what, **fields}
 
 
-def slotted(t, robot, start_s, rank=1):
-    return entry(t, robot, "slotted", rank=rank, start_s=start_s, end_s=start_s + 4.0)
+EVENT = "crossing(exit)"
+
+
+def slotted(t, robot, start_s, rank=1, event=EVENT):
+    return entry(t, robot, "slotted", event=event, rank=rank, start_s=start_s, end_s=start_s + 4.0)
 
 
 def kinds(lane):
@@ -26,10 +29,10 @@ def lane_of(entries, end_s=20.0, robot=1, faults=()):
 
 
 PASSAGE = [
-    entry(0.5, 1, "asks", approach_s=1.0, inside_s=4.0, after_s=1.0, way=0),
+    entry(0.5, 1, "asks", event=EVENT, approach_s=1.0, inside_s=4.0, after_s=1.0, way=0),
     slotted(1.0, 1, 6.0),
-    entry(6.0, 1, "entered", event="crossing(exit)", cautious=False),
-    entry(10.0, 1, "left", event="crossing(exit)"),
+    entry(6.0, 1, "entered", event=EVENT, cautious=False),
+    entry(10.0, 1, "left", event=EVENT),
 ]
 
 
@@ -42,7 +45,7 @@ def test_passage_is_asking_waiting_claiming_inside_without_gap_and_bears_its_eve
         ("claiming", claim, 6.0),
         ("inside", 6.0, 10.0),
     ]
-    assert {each["event"] for each in lane["intervals"]} == {"crossing(exit)"}
+    assert {each["event"] for each in lane["intervals"]} == {EVENT}
 
 
 def test_actions_are_from_their_begin_to_their_end_or_death_or_the_instant_asked_for():
@@ -80,17 +83,34 @@ def test_slot_that_moves_during_the_claim_begins_a_new_wait_and_a_new_rank_alone
 
 
 def test_lost_slot_leads_back_to_asking():
-    lost = [*PASSAGE[:2], entry(6.4, 1, "slot_lost", event="crossing(exit)", missed=True)]
+    lost = [*PASSAGE[:2], entry(6.4, 1, "slot_lost", event=EVENT, missed=True)]
     assert [kind for kind, _, _ in kinds(lane_of(lost))] == ["asking", "waiting", "claiming", "asking"]
 
 
-def test_wait_ends_with_the_robots_last_open_job():
-    jobs = [
-        entry(0.0, 1, "job_started", job="at(@1, exit)", deadline_s=9.0),
-        *PASSAGE[:2],
-        entry(3.0, 1, "job_finished", job="at(@1, exit)"),
-    ]
-    assert kinds(lane_of(jobs))[-1] == ("waiting", 1.0, 3.0)
+def test_wait_ends_when_the_request_is_withdrawn():
+    withdrawn = [*PASSAGE[:2], entry(3.0, 1, "withdrawn", event=EVENT)]
+    assert kinds(lane_of(withdrawn))[-1] == ("waiting", 1.0, 3.0)
+
+
+def test_turns_of_one_robot_overlap():
+    """It has its place in a station, and takes its turn at a door on the way there."""
+    lane = lane_of(
+        [
+            *PASSAGE[:3],
+            entry(7.0, 1, "asks", event="door"),
+            slotted(7.5, 1, 8.0, event="door"),
+            entry(8.0, 1, "entered", event="door", cautious=False),
+            entry(9.0, 1, "left", event="door"),
+            PASSAGE[3],
+        ]
+    )
+    inside = [(each["event"], each["begin_s"], each["end_s"]) for each in lane["intervals"] if each["kind"] == "inside"]
+    assert inside == [(EVENT, 6.0, 10.0), ("door", 8.0, 9.0)]
+
+
+def test_requests_without_an_event_as_in_older_recordings_are_those_of_the_next_entry():
+    older = [{key: value for key, value in each.items() if key != "event"} for each in PASSAGE[:2]]
+    assert kinds(lane_of([*older, *PASSAGE[2:]])) == kinds(lane_of(PASSAGE))
 
 
 def test_killed_robot_is_dead_until_its_restart_and_nothing_of_its_turn_goes_on():
@@ -109,9 +129,9 @@ def test_robot_that_was_stopped_is_no_dead_one_and_one_that_died_by_itself_is():
 
 
 def test_last_words_of_a_process_that_come_after_its_end_as_its_launcher_dates_it_do_not_revive_it():
-    late = [entry(2.1, 1, "slot_lost", event="crossing(exit)"), entry(2.2, 1, "asks")]
+    late = [entry(2.1, 1, "slot_lost", event=EVENT), entry(2.2, 1, "asks", event=EVENT)]
     assert kinds(lane_of([*PASSAGE[:2], *late], faults=[{"at": 2.0, "stop": 1}]))[-1] == ("stopped", 2.0, 20.0)
-    back = entry(4.0, 1, "asks")  # of a process that was started by hand, of which no launcher tells
+    back = entry(4.0, 1, "asks", event=EVENT)  # of a process that was started by hand, of which no launcher tells
     assert kinds(lane_of([*PASSAGE[:2], back], faults=[{"at": 2.0, "stop": 1}]))[-1] == ("asking", 4.0, 20.0)
 
 
@@ -134,13 +154,13 @@ def test_deadlines_are_met_missed_or_undecided():
 def test_leader_leads_until_it_hears_of_another_or_dies():
     entries = [
         *PASSAGE[:1],
-        entry(1.0, 1, "leads", term=1),
-        entry(1.0, 1, "scheduled", leader=1, term=1, order=[1, 2]),
-        entry(1.1, 2, "scheduled", leader=1, term=1, order=[1, 2]),
-        entry(3.0, 2, "leads", term=2),
-        entry(3.0, 2, "scheduled", leader=2, term=2, order=[2, 1]),
-        entry(3.2, 1, "scheduled", leader=2, term=2, order=[2, 1]),
-        entry(4.0, 1, "entered", event="crossing(exit)", cautious=False),
+        entry(1.0, 1, "leads", event=EVENT, term=1),
+        entry(1.0, 1, "scheduled", event=EVENT, leader=1, term=1, order=[1, 2]),
+        entry(1.1, 2, "scheduled", event=EVENT, leader=1, term=1, order=[1, 2]),
+        entry(3.0, 2, "leads", event=EVENT, term=2),
+        entry(3.0, 2, "scheduled", event=EVENT, leader=2, term=2, order=[2, 1]),
+        entry(3.2, 1, "scheduled", event=EVENT, leader=2, term=2, order=[2, 1]),
+        entry(4.0, 1, "entered", event=EVENT, cautious=False),
     ]
     found = timeline(entries, 9.0, faults=[{"at": 7.0, "kill": 2}])
     assert [(term["robot"], term["begin_s"], term["end_s"]) for term in found["leaders"]] == [
@@ -148,7 +168,7 @@ def test_leader_leads_until_it_hears_of_another_or_dies():
         (2, 3.0, 7.0),
     ]
     assert [(each["t_s"], each["order"]) for each in found["schedules"]] == [(1.0, [1, 2]), (3.0, [2, 1])]
-    assert found["leaders"][0]["event"] == found["schedules"][0]["event"] == "crossing(exit)"
+    assert found["leaders"][0]["event"] == found["schedules"][0]["event"] == EVENT
 
 
 def test_timeline_may_be_read_while_entries_come():
