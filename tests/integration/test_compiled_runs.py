@@ -115,6 +115,13 @@ def test_minds_recorded_in_one_form_are_replayed_equally_in_the_other(folder, la
             assert {each["compiled"] for each in found["minds"]} == {bool(recorded)}
 
 
+@pytest.mark.timeout(550)
+def test_compiled_robots_may_be_durable(folder, tmp_path):
+    answer = rmr(str(folder), "sim", "deploy/labs/testbed", "--durable", "--no-record", "--run", str(tmp_path / "run"))
+    assert answer.returncode == 0, answer.stdout + answer.stderr
+    assert "deadlines met 6 of 6" in answer.stdout
+
+
 def rmr(compiled, *words):
     """Run `rmr`, with the modules in the folder `compiled`, or interpreted if it is empty."""
     return subprocess.run(

@@ -142,9 +142,9 @@ class Simulation(RobotHost):
 
         disks: dict[int, Disk | None] = dict.fromkeys(self.lab.roster)
         if self.durable:
-            from rmr_sim import disk  # noqa: PLC0415 - as above
+            from rmr_sim.disk import Disk as SimulatedDisk  # noqa: PLC0415 - as above
 
-            disks |= {robot: disk.Disk(self.seed, robot) for robot in self.lab.roster}
+            disks |= {robot: SimulatedDisk(self.seed, robot) for robot in self.lab.roster}
         return tuple(
             SimulatedRobot(self, robot, maker(robot, its_disk), self._bodily, its_disk)
             for robot, its_disk in disks.items()
