@@ -51,10 +51,11 @@ test-all: ## every test, the way CI runs it: `make test`, then the slow ones
 	$(MAKE) test
 	$(MAKE) test-slow
 
-lint: $(STAMP) ## ruff and mypy --strict
+lint: $(STAMP) ## ruff, mypy --strict, and whether mypyc compiles what `make fast` does
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m rmr.compiled.build --check
 
 bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python -m rmr.compiled.build --if-possible

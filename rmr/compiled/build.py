@@ -1,5 +1,7 @@
 """`make fast`: compile the modules in which a robot spends its time, with mypyc, into ``build/compiled``.
 
+With ``--check``, as `make lint` does, mypyc only reads them: what it cannot compile is said, and nothing is made.
+
 The sources stay as they are and say everything: mypyc reads the types that mypy checks, calls methods directly and
 keeps numbers unboxed, and results are the same to the bit. What is made is found by `rmr.compiled` and is all or
 nothing: it is put in its place when it is whole, and used as long as no source has changed.
@@ -16,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from rmr.compiled import FOLDER, INDEX, modules_in, state
@@ -93,6 +96,8 @@ class UnableError(Exception):
 def main() -> int:
     """Compile what is not up to date; with ``--if-possible`` go on where the machine cannot."""
     os.chdir(ROOT)
+    if sys.argv[1:] == ["--check"]:
+        return _check()
     shown = FOLDER.relative_to(ROOT)
     if modules_in(FOLDER):
         print(f"{shown} is up to date")
@@ -108,6 +113,18 @@ def main() -> int:
     except UncompiledError as why:
         print(why, file=sys.stderr)
         return ExitCode.FAILED
+    return 0
+
+
+def _check() -> int:
+    """Let mypyc read the hot modules, and say what it cannot compile."""
+    with TemporaryDirectory() as scratch:
+        try:
+            _written_in_c(hot(), Path(scratch))
+        except UncompiledError as why:
+            print(why, file=sys.stderr)
+            return ExitCode.FAILED
+    print(f"mypyc compiles all {len(hot())} modules")
     return 0
 
 
@@ -148,7 +165,6 @@ def _sources() -> Iterator[Path]:
 
 
 def _build(sources: list[str], into: Path) -> None:
-    from mypyc.build import mypycify  # noqa: PLC0415 - a second, and not needed where all is up to date
     from setuptools import Distribution  # noqa: PLC0415
     from setuptools.command.build_ext import build_ext  # noqa: PLC0415
     from setuptools.errors import CompileError  # noqa: PLC0415
@@ -160,19 +176,7 @@ def _build(sources: list[str], into: Path) -> None:
 
     scratch = into.with_name(into.name + ".c")
     print("[1/2] mypyc checks types and writes C (about half a minute)", flush=True)
-    said = StringIO()  # mypyc warns of code that it compiles less well: of no use to users
-    try:
-        with redirect_stdout(said), redirect_stderr(said):
-            extensions = mypycify(
-                ["--config-file", str(OPTIONS), *sources],
-                opt_level="1",  # 3 makes nothing faster and takes half as long again
-                debug_level="0",
-                multi_file=True,
-                target_dir=str(scratch),
-                group_name=GROUP,
-            )
-    except SystemExit as end:
-        raise UncompiledError(said.getvalue()) from end
+    extensions = _written_in_c(sources, scratch)
     for extension in extensions:
         extension.extra_compile_args += EXACT
     cores = os.cpu_count() or 1
@@ -186,6 +190,25 @@ def _build(sources: list[str], into: Path) -> None:
     except CompileError as error:
         raise UncompiledError(str(error)) from error
     shutil.rmtree(scratch)
+
+
+def _written_in_c(sources: list[str], scratch: Path) -> list[Any]:
+    """Return the extensions that mypyc makes of `sources`, with C files in `scratch`. Raises UncompiledError."""
+    from mypyc.build import mypycify  # noqa: PLC0415 - a second, and not needed where all is up to date
+
+    said = StringIO()  # mypyc warns of code that it compiles less well: of no use to users
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            return mypycify(
+                ["--config-file", str(OPTIONS), *sources],
+                opt_level="1",  # 3 makes nothing faster and takes half as long again
+                debug_level="0",
+                multi_file=True,
+                target_dir=str(scratch),
+                group_name=GROUP,
+            )
+    except SystemExit as end:
+        raise UncompiledError(said.getvalue()) from end
 
 
 class CompilerProgress:
