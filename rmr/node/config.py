@@ -90,5 +90,9 @@ class NodeConfig:
     @property
     def reaches_all(self) -> bool:
         """Whether the radio reaches over the whole floor."""
-        loss_db = path_loss_db(hypot(self.arena.width, self.arena.height), self.radio.exponent)
+        return self.surely_hears(hypot(self.arena.width, self.arena.height))
+
+    def surely_hears(self, distance_m: float) -> bool:
+        """Return whether the radio surely reaches so far."""
+        loss_db = path_loss_db(distance_m, self.radio.exponent)
         return self.radio.tx_power_dbm - loss_db >= self.radio.sensitivity_dbm + IN_RANGE_DB

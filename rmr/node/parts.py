@@ -16,7 +16,7 @@ from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
-from rmr.node.peers.perception import Peers
+from rmr.node.peers.perception import LostRobot, Peers
 
 
 class Radio(Protocol):
@@ -39,6 +39,9 @@ class DrivingHost(Protocol):
     @property
     def pose(self) -> Pose | None:
         """Where the robot is, as far as it knows."""
+
+    def known_dead(self, now: Instant) -> dict[int, LostRobot]:
+        """Return the robots that count as dead, and would be heard if they lived: they stand where they were last."""
 
     def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rmr.base.arena import Area
-from rmr.base.geometry import Point, Pose
+from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.provided import PREDICATES
@@ -24,7 +24,7 @@ from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.motion.navigator import Navigator
 from rmr.node.parts import Radio
-from rmr.node.peers.perception import Percept
+from rmr.node.peers.perception import LostRobot, Percept
 from rmr.node.peers.presence import Presence
 from rmr.node.robot_state import RobotState
 from rmr.vm.provenance import HandlerCause
@@ -176,10 +176,22 @@ class RobotServices:
             self.driver.place = None
         navigator.drive(v, w)
 
+    def known_dead(self, now: Instant) -> dict[int, LostRobot]:
+        """Return the robots that count as dead, and would be heard if they lived: they stand where they were last.
+
+        One that was heard last beyond the radio's sure reach may live and be elsewhere by now.
+        """
+        lost = self.peers.lost(now)
+        pose = self.pose
+        if not lost or pose is None or self.config.reaches_all:
+            return lost
+        surely_hears = self.config.surely_hears
+        return {robot: body for robot, body in lost.items() if surely_hears(distance(pose.x, pose.y, *body.place))}
+
     def barred_by_lost(self, goal: Point) -> str:
         """Return which dead robots bar every way to `goal`, in words; empty if none do."""
         pose = self.pose
-        lost = self.peers.lost(self.now)
+        lost = self.known_dead(self.now)
         robots = () if pose is None else barring(self.arena, Point(pose.x, pose.y), goal, lost)
         return blocked_words(self.arena, goal, robots, lost) if robots else ""
 
@@ -194,7 +206,7 @@ class RobotServices:
         if self.driver is None:
             raise ActionFailed(NO_WHEELS)
         if permit is not None and permit.waits:  # it was let go since the dead have all places
-            blocked = full_words(self.arena, area, self.peers.lost(self.now))
+            blocked = full_words(self.arena, area, self.known_dead(self.now))
             if blocked:
                 self.trace(self.now, "blocked", reason=blocked)
                 raise ActionFailed(f"no way there: {blocked}")

@@ -41,14 +41,19 @@ areas:
   two: {{at: [0.2, 0.7]}}
   three: {{at: [0.2, 1.2]}}
 {stations}
+{radio}
 robots:
-  - {{id: 1, pose: [0.2, 0.2, 0deg]}}
+  - {{id: 1, pose: [{first}, 0deg]}}
   - {{id: 2, pose: [0.2, 0.7, 0deg]}}
   - {{id: 3, pose: [0.2, 1.2, 0deg]}}
 facts: ["bay(@1, one)", "bay(@2, two)", "bay(@3, three)"]
 localisation: {{beacons: [[0, 0], [2.0, 0]], sigma: 0.005}}
 {faults}
 """
+
+
+DEAD_INSIDE = {"first": "1.7, 0.75", "faults": "faults: [{at: 3s, kill: 1}]", "last": "80s"}
+"""Robot 1 begins in the station and dies there."""
 
 
 def dock(
@@ -61,9 +66,13 @@ def dock(
     faults="",
     last="60s",
     program=PROGRAM,
+    radio="",
+    first="0.2, 0.2",
 ):
     """Return the simulation of three robots that charge at `slots`, and the list of those there at each tick."""
-    text = LAB.format(stations=stations, slots=slots, finish=finish, faults=faults, duration=last)
+    text = LAB.format(
+        stations=stations, slots=slots, finish=finish, faults=faults, duration=last, radio=radio, first=first
+    )
     (folder / "lab.yaml").write_text(text)
     (folder / "small.rmr").write_text(program.format(then=then))
     return watched(prepare(folder, seed=1))
@@ -169,6 +178,24 @@ def test_a_robot_that_starts_or_is_restarted_in_a_station_holds_its_place(tmp_pa
     assert {entry["robot"] for entry in traced(simulation, "entered")} == {1}
 
 
+def test_a_drive_that_is_tried_again_at_once_fails_once_in_twenty_seconds(tmp_path):
+    again = PROGRAM.replace("{then}", "stuck(R) -o moveto(R, dock) then wait(R, 4.0).\n{then}")
+    simulation, _ = dock(tmp_path, program=again, **DEAD_INSIDE)
+    assert not simulation.run()
+    failed = [e for e in traced(simulation, "action_ended") if e["failure"] and "is blocked by robot" in e["failure"]]
+    assert {e["robot"] for e in failed} == {2, 3}
+    for robot in (2, 3):
+        times = [e["t"] for e in failed if e["robot"] == robot]
+        assert all(later - earlier > 20.0 for earlier, later in pairwise([8.0, *times]))
+
+
+def test_a_robot_that_may_have_left_unheard_blocks_no_station(tmp_path):
+    near = "radio: {tx_power_dbm: -34}"  # surely heard within a metre, and hardly ever beyond 1.4 m
+    simulation, _ = dock(tmp_path, radio=near, **DEAD_INSIDE)
+    assert not simulation.run()
+    assert not [e for e in traced(simulation, "action_ended") if e["failure"]]
+
+
 @pytest.mark.slow
 def test_a_drive_to_a_station_whose_places_the_dead_have_fails_and_names_them(tmp_path):
     simulation, _ = dock(tmp_path, faults="faults: [{at: 14s, kill: 1}, {at: 14s, kill: 2}, {at: 14s, kill: 3}]")
@@ -212,10 +239,7 @@ def test_robots_without_a_turn_wait_in_the_queue_and_leave_room_for_those_that_d
 
 def test_a_job_that_is_not_ready_for_its_slot_loses_it_to_others_and_is_served_later(tmp_path):
     """Robot 1 is due first and asks at once, but drives elsewhere before: the others do not wait for it."""
-    text = LAB.format(stations="stations: [dock]", slots="[[1.7, 0.75]]", finish="done(R)", faults="", duration="90s")
-    (tmp_path / "lab.yaml").write_text(text)
-    (tmp_path / "small.rmr").write_text(LATE)
-    simulation, there = watched(prepare(tmp_path, seed=1))
+    simulation, there = dock(tmp_path, program=LATE, last="90s")
     assert simulation.run()
     asked = min(entry["t"] for entry in traced(simulation, "asks") if entry["robot"] == 1)
     ready = max(entry["t"] for entry in traced(simulation, "action_ended") if entry["action"].startswith("goto"))

@@ -53,6 +53,8 @@ LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the commit line on time."""
 REPLAN_BEFORE: Final[Duration] = seconds(3)
 """Earlier before its slot a robot keeps its route: to the entrance any is the same, and ranks still change."""
+BARRED_FOR: Final[Duration] = seconds(20)
+"""The dead have all places of a station for so long before a drive into it fails, as one whose way they bar does."""
 PRESUMED_GONE: Final[Duration] = LivenessTiming().gone
 """A robot that was stopped for longer than this while inside may have been presumed gone."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
@@ -81,7 +83,9 @@ class Crossing:
     beyond: bool = False
     """Whether the robot had the resource behind it when it asked."""
     barred: bool = False
-    """Whether the dead bar every way, as of the last poll."""
+    """Whether the dead bar every way, as of the last poll; all places of a station, for `BARRED_FOR`."""
+    free_at: Instant = 0
+    """When a place of the station was last free of the dead, or the robot began to ask."""
     rank: int = 0
     place: int = 0
     """The robot is the place-th of those that go its direction; 0: not known."""
@@ -343,11 +347,13 @@ class Crossing:
     def _poll(self, now: Instant, phase: Asking | Slotted, situation: Situation) -> list[Command]:
         """Compare the robot's own estimate with its slot, and with what the leader has heard."""
         if self.station:
-            self.barred = situation.barred
+            self.free_at = self.free_at if situation.barred and self.free_at else now
+            self.barred = now - self.free_at > BARRED_FOR
         if not self.poll_is_due(now):
             return []
         phase.polled_at = now
-        self.barred = situation.barred
+        if not self.station:
+            self.barred = situation.barred
         # Pushed in, or its slot was lost there, it has to get out. Its way may lead through another passage by now.
         if situation.within or self._goes_elsewhere(situation.plan):
             return self.renew(now, self.job, self.goal)

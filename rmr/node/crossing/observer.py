@@ -56,7 +56,7 @@ class Observer:
         goal = crossing.goal
         assert goal is not None
         if crossing.waits:
-            dead = station_area.occupants(self._robot.config.arena, goal, self._robot.peers.lost(now))
+            dead = station_area.occupants(self._robot.config.arena, goal, self._robot.known_dead(now))
             return self.at_event(crossing)._replace(barred=len(dead) >= crossing.capacity)
         pose = self._robot.pose
         bound_for = self._robot.driving is not None or driver.navigator.status == "moving"
@@ -185,7 +185,7 @@ class Observer:
 
     def _barred(self, now: Instant, goal: Area | None, pose: Pose | None) -> bool:
         """Return whether the dead bar the way to the first place of `goal` and to the last: not only a place."""
-        lost = self._robot.peers.lost(now)
+        lost = self._robot.known_dead(now)
         if not lost or goal is None or pose is None:
             return False
         here = Point(pose.x, pose.y)

@@ -55,3 +55,24 @@ def test_robots_outside_of_the_envelope_are_warned_of(tmp_path, robot, words):
 @pytest.mark.parametrize("robot", ["{}", "{radius: 0.05, speed: 0.05}", "{radius: 0.5, speed: 1.0}"])
 def test_robots_inside_of_the_envelope_are_not(tmp_path, robot):
     assert warnings(tmp_path, robot) == []
+
+
+STATION = "areas: {dock: {at: [19, 19]}}\nstations: [dock]\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "warned"),
+    [
+        (STATION, True),
+        (STATION + "radio: {tx_power_dbm: 6}\n", False),
+        (STATION.replace("stations: [dock]\n", ""), False),
+    ],
+)
+def test_turns_on_a_floor_wider_than_the_radio_reaches_are_warned_of(tmp_path, more, warned):
+    (tmp_path / "shapes.rmr").write_text("type action moveto(robot, area).\nstart(R) -o moveto(R, dock).\n")
+    lab = lab_of(tmp_path, LAB.format(robot="{}") + more)
+    found = [line for line in validated(lab, load_lab_program(lab)).warnings.splitlines() if "radio" in line]
+    assert bool(found) is warned
+    if warned:
+        assert "radio: warning: this floor is 28 m across, and the radio reaches 19 m" in found[0]
+        assert "`tx_power_dbm: 6` reaches over the whole floor" in found[0]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from rmr.base.time import in_seconds
 from rmr.bytecode.program import Kind, Program
+from rmr.radio.phy import path_loss_db
 from rmr_world.faults import faults_after_end
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab
@@ -62,5 +63,29 @@ def unknown_floor(lab: Lab, _program: Program) -> Iterator[Finding]:
         yield lab.warning(("map",), f"{message}: robots will drive there; with free_thresh: 0.196 they are blocked")
 
 
-CHECKS = (unknown_floor, fault_after_end, no_localisation, variable_in_finish, heading_beyond_a_turn)
+def turns_beyond_the_radio(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of turns on a floor wider than the radio reaches: robots out of range of each other cannot agree on them."""
+    arena = lab.arena
+    radio = lab.radio.config
+    across_m = math.hypot(arena.width, arena.height)
+    short_db = radio.sensitivity_dbm - radio.tx_power_dbm + path_loss_db(across_m, radio.exponent)
+    if len(lab.robots) < 2 or short_db <= 0.0 or not (arena.passages or arena.stations):
+        return
+    reach_m = across_m / 10.0 ** (short_db / (10.0 * radio.exponent))
+    message = (
+        f"this floor is {across_m:.0f} m across, and the radio reaches {reach_m:.0f} m: robots that do not hear each "
+        "other may wait for a turn that is long over"
+    )
+    power = f"tx_power_dbm: {math.ceil(radio.tx_power_dbm + short_db)}"
+    yield lab.warning(("radio",), f"{message}; `{power}` reaches over the whole floor")
+
+
+CHECKS = (
+    unknown_floor,
+    fault_after_end,
+    no_localisation,
+    variable_in_finish,
+    heading_beyond_a_turn,
+    turns_beyond_the_radio,
+)
 """The lint of a lab and its program."""
