@@ -1,12 +1,14 @@
-"""The passages of a lab that names none: the narrow sections of its floor in which robots take turns by themselves."""
+"""The passages that a lab does not name: the narrow sections of its floor in which robots take turns by themselves."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena, FloorPassage, found_passage
-from rmr.base.geometry import Point, distance
-from rmr.node.motion.route import ROOM_M, way_through_m
-from rmr_world.narrow_places import narrow_places
+from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.motion_scale import scale_of
+from rmr.node.motion.route import GATE_REACH_M, ROOM_M, way_through_m
+from rmr_world.narrow_places import NarrowPassage, narrow_places
 from rmr_world.units import PASSAGES_MAX
 
 LONGER: Final = 1.2
@@ -16,24 +18,43 @@ LONGER: Final = 1.2
 def found_passages(arena: Arena, stays: Iterable[Point]) -> tuple[FloorPassage, ...]:
     """Return the narrow sections of the floor of `arena` at which robots can take turns; of too many the longest.
 
-    Left out are those in which a robot `stays`, at its start or its goal, since it would hold the passage; those which
-    no way of the planner leads through; and those with too little room for the robots that wait before them.
+    Left out are those of the passages that `arena` has already; those in which a robot `stays`, at its start or its
+    goal, since it would hold the passage; those which no way of the planner leads through; and those with too little
+    room for the robots that wait before them.
     """
     places = tuple(stays)
+    size = scale_of(arena.shape).size
     usable = [
         each
         for each in narrow_places(arena).passages
-        if 0.0 < way_through_m(arena, *each.ends) <= LONGER * each.length and not any(map(each.holds, places))
+        if not any(belongs(each, named.mouths, size) for named in arena.passages)
+        and 0.0 < way_through_m(arena, *each.ends) <= LONGER * each.length
+        and not any(map(each.holds, places))
     ]
-    passages = [found_passage(each.name, each.ends) for each in usable]
+    names = {each.name for each in arena.passages}
+    passages = [found_passage(f"{each.name}_found" if each.name in names else each.name, each.ends) for each in usable]
     clear = [
         each
         for each in passages
-        if not any(other is not each and next(too_near(arena, each, other), None) for other in passages)
+        if not any(
+            other is not each and next(too_near(arena, each, other), None) for other in (*arena.passages, *passages)
+        )
     ]
-    length = {each.name: each.length for each in usable}
-    longest = sorted(clear, key=lambda each: -length[each.name])[:PASSAGES_MAX]
+    length = {passage: each.length for passage, each in zip(passages, usable, strict=True)}
+    longest = sorted(clear, key=lambda each: -length[each])[: PASSAGES_MAX - len(arena.passages)]
     return tuple(each for each in clear if each in longest)
+
+
+def belongs(found: NarrowPassage, entrances: Sequence[Point], size: float) -> bool:
+    """Return whether a narrow section that was found is that of a named passage: at an entrance, or between two.
+
+    `size`: that of the robots (`rmr.base.motion_scale`).
+    """
+    reach_m = GATE_REACH_M * size + found.width / 2.0
+    if any(found.away(entrance) <= reach_m for entrance in entrances):
+        return True
+    middle = found.line[len(found.line) // 2]
+    return any(point_segment_distance(*middle, *a, *b) <= reach_m for a, b in pairwise(entrances))
 
 
 class NearEnds(NamedTuple):

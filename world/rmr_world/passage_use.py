@@ -5,19 +5,19 @@ facts alone, and the job that it serves. Later drives depend on what robots sens
 """
 
 from functools import lru_cache
-from itertools import pairwise
 
 from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage
-from rmr.base.geometry import Point, point_segment_distance
+from rmr.base.geometry import Point
 from rmr.base.motion_scale import scale_of
 from rmr.base.record import record
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Constant, Program, Serving, Slot
 from rmr.node.motion.keep_right import gated_route
-from rmr.node.motion.route import GATE_REACH_M, Route, make_route
+from rmr.node.motion.route import Route, make_route
 from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived
 from rmr_world.finding import FilePath
+from rmr_world.found_passages import belongs
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.narrow_places import NarrowPassage, NarrowPlaces, narrow_places
 from rmr_world.validate.first_instant import MOVETO, ROBOTS_MAX, FirstInstant, first_instants
@@ -126,7 +126,7 @@ def passage_uses(lab: Lab, program: Program) -> tuple[PassageUse, ...]:
     left = list(found.passages)
     size = scale_of(arena.shape).size
     for named in named_passages(arena):
-        own = tuple(each for each in left if _belongs(each, named, size))
+        own = tuple(each for each in left if belongs(each, named.entrances, size))
         left = [each for each in left if each not in own]
         ends = named.entrances if len(named.entrances) > 1 or not own else own[0].ends
         gated = [drive for drive in drives if named.name in passages_on(arena, drive.route)]
@@ -195,15 +195,6 @@ def _matches(serving: Serving, job: TimedJob, args: tuple[Value, ...]) -> bool:
         if isinstance(pattern, Slot) and job.bindings[pattern.index] not in (None, arg):
             return False
     return True
-
-
-def _belongs(found: NarrowPassage, named: NamedPassage, size: float) -> bool:
-    """Return whether a narrow section that was found is one that the lab names: at an entrance, or between two."""
-    reach_m = GATE_REACH_M * size + found.width / 2.0
-    if any(found.away(entrance) <= reach_m for entrance in named.entrances):
-        return True
-    middle = found.line[len(found.line) // 2]
-    return any(point_segment_distance(*middle, *a, *b) <= reach_m for a, b in pairwise(named.entrances))
 
 
 def stretch(arena: Arena, drive: FirstDrive, use: PassageUse) -> tuple[float, float] | None:

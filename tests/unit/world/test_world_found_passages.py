@@ -85,3 +85,26 @@ def test_the_bound_of_a_run_does_not_take_a_passage_that_was_found_for_the_only_
     assert names(lab.arena) == ["passage_1"]
     without = lab_of(tmp_path, floor + robots + "passages: {}\n")
     assert bound_s(lab) == bound_s(without)
+
+
+BESIDE = """\
+  - {box: [2.9, 0.0, 3.3, 0.6]}
+  - {box: [2.9, 0.9, 3.3, 1.5]}
+"""
+"""A second wall, with room for robots that wait."""
+ENDS = "areas: {west: {at: [1.05, 0.75]}, east: {at: [1.95, 0.75]}}\n"
+
+
+@pytest.mark.parametrize(
+    ("named", "found"),
+    [
+        ("passages: {door: {mouths: [west, east]}}\n", ["door", "passage_2"]),
+        ("passages: {passage_2: {mouths: [west, east]}}\n", ["passage_2", "passage_2_found"]),
+        ("passages: {}\n", []),
+    ],
+)
+def test_those_that_the_lab_does_not_name_are_found_beside_those_that_it_names(tmp_path, named, found):
+    floor = FLOOR.replace("[4.0, 1.5]", "[5.0, 1.5]").replace("robots:\n", BESIDE + "robots:\n")
+    arena = arena_of(tmp_path, ENDS, named, floor=floor)
+    assert names(arena) == found
+    assert [passage.found for passage in arena.passages] == [False, True][: len(found)]

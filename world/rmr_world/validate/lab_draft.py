@@ -134,18 +134,18 @@ class LabDraft:
         )
 
     def _passages_found(self) -> Arena:
-        """Return the arena with the passages of its floor, where the file names none.
+        """Return the arena with the passages of its floor beside those that the file names.
 
         A passage in which a robot stays is none: at its start, at a goal that is no box, or in a station.
         """
         arena = self.arena
-        named = self.spec.bottleneck is not None or self.spec.passages is not None
-        if named or not self.robot_fits_arena:
+        none = self.spec.passages is not None and not self.spec.passages
+        if none or self.spec.bottleneck is not None or not self.robot_fits_arena:
             return arena
         starts = [Point(start.pose.x, start.pose.y) for _, start in self.robots]
         goals = [place for area in arena.areas if area.box is None for place in area.places]
         stations = [place for name, _ in arena.stations for place in self.places_in(self.areas[name][1])]
-        return replace(arena, passages=found_passages(arena, [*starts, *goals, *stations]))
+        return replace(arena, passages=(*arena.passages, *found_passages(arena, [*starts, *goals, *stations])))
 
     @property
     def entrances(self) -> dict[FilePath, tuple[str, list[str]]]:
