@@ -45,8 +45,9 @@ class Navigator:
 
     __slots__ = (
         "_ahead", "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost",
-        "_next_try", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until", "_right_of_way",
-        "_stand_off", "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot", "status",
+        "_next_try", "_open_way", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until",
+        "_right_of_way", "_stand_off", "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot",
+        "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1, switches: RuleSwitches | None = None) -> None:
@@ -71,6 +72,8 @@ class Navigator:
         self._replan_due = False
         self._as_if_left = False
         """Whether no route led around all robots when one was planned last."""
+        self._open_way = False
+        """Whether the way to the goal that was planned last leads through no passage."""
         self._reverse_until: Instant = 0
         self._excursion: Excursion | None = None
         self._right_of_way = 1.0
@@ -192,7 +195,7 @@ class Navigator:
     def _clear(self) -> None:
         self._order = self._follower = self._face = self._driven = self._excursion = None
         self._gate = EntryGate(self.arena.shape, holding=False)
-        self._replan_due = self._as_if_left = False
+        self._replan_due = self._as_if_left = self._open_way = False
         self._reverse_until = 0
         self._right_of_way = 1.0
         self._ahead = 0
@@ -425,6 +428,7 @@ class Navigator:
         inside = self.arena.passage(self._gate.passage)
         if inside is not None and self._gate.passed and not self._gate.cleared:
             route = gated_again(self.arena, inside, route)
+        self._open_way = route.gate_m is None
         self._follower = Follower(route, self.arena.shape)
         self.status = "moving"
         return True
@@ -446,8 +450,7 @@ class Navigator:
 
         The turn is still to come: a crowd before a wide door would stand in it, each waiting for the narrow one.
         """
-        old = self.route
-        return old is not None and old.gate_m is None and route.gate_m is not None and around != self._parked
+        return self._open_way and route.gate_m is not None and around != self._parked
 
     @property
     def may_be_barred(self) -> bool:

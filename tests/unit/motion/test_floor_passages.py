@@ -13,6 +13,7 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.priority import Heard
 from rmr.node.motion.replanning import ordered_route
 from rmr.node.motion.route import DriveOrder, leader_route, make_route, still_behind
 from rmr.node.ports import SeenBody
@@ -257,3 +258,25 @@ def test_a_way_back_through_a_passage_that_is_behind_passes_its_gate():
     assert nav.behind == {"one"}
     nav.relocate(now, pose)
     assert nav.behind == frozenset()
+
+
+def test_a_robot_that_comes_back_from_a_retreat_drives_through_the_passage_again():
+    """Though another robot stands somewhere, which is not in its way: it retreated again, and again."""
+    nav = Navigator(ROW, 1)
+    pose = Pose(0.6, 0.75, 0.0)
+    assert nav.go(0, pose, EAST, through_gate=True)
+    nav.gate(None, True, "one")
+    nav.relocate(0, pose)
+    aside = False
+    for tick in range(1, 60 * 60):
+        now = tick_start(tick)
+        if tick % 12 == 1:
+            nav.update_moving(now, 1, [Heard(7, Pose(0.2, 1.3, 0.0), Point(0.2, 0.2), 0, now)])
+        jam = [] if aside else [SeenBody(0.15, y, 0.0, 0.0) for y in (-0.14, 0.0, 0.14)]
+        twist = nav.step(now, pose, jam, bumped=False)
+        theta = pose.theta + twist.w / 60
+        pose = Pose(pose.x + twist.v * math.cos(theta) / 60, pose.y + twist.v * math.sin(theta) / 60, theta)
+        aside = aside or nav.policy.chosen == "retreat"
+        if aside and not nav.aside and nav.route is not None and nav.route.passage == "one":
+            return
+    raise AssertionError((aside, pose, nav.policy.chosen))
