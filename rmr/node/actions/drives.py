@@ -7,7 +7,7 @@ import math
 from typing import Final
 
 from rmr.base.arena import Area
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, distance
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.actions.dispatcher import Permit
@@ -101,7 +101,7 @@ class BarredDrive:
     To and fro before a body the way may seem free for a moment: so near to the start margins are less.
     """
 
-    __slots__ = ("_by_dead", "_by_standing", "_look_at", "_node", "_waited_until")
+    __slots__ = ("_by_dead", "_by_standing", "_look_at", "_node", "_on_goal", "_waited_until")
 
     def __init__(self, node: ActionHost) -> None:
         self._node = node
@@ -109,6 +109,8 @@ class BarredDrive:
         self._by_standing = Lasting()
         self._look_at: Instant = 0
         """When to look next."""
+        self._on_goal: int | None = None
+        """The robot that stood on the goal last."""
         self._waited_until: Instant = 0
         """When it was not yet the robot's turn, at the last such look."""
 
@@ -146,6 +148,7 @@ class BarredDrive:
         if dead_for > seconds(STUCK_S):
             raise ActionFailed(f"no way there: {node.blocked}")
         pose = node.pose
+        self._note_goal(goal)
         barred_for = self._by_standing.note(now, pose is not None and node.motion.barred(pose))
         if before_turn:
             self._waited_until = now
@@ -157,6 +160,15 @@ class BarredDrive:
         inside = node.motion.passed_gate and not node.motion.cleared
         if barred_for > allowed and not inside:
             raise ActionFailed(_no_way(node, goal))
+
+    def _note_goal(self, goal: Point) -> None:
+        """Begin anew when another robot than before stands on the goal: they come and go, and none keeps it."""
+        node = self._node
+        reach = 2.0 * node.arena.shape.radius
+        on_goal = [robot for robot, at in node.peers.standing(node.now).items() if distance(*at, *goal) < reach]
+        if on_goal and on_goal[0] != self._on_goal:
+            self._by_standing = Lasting() if self._on_goal is not None else self._by_standing
+            self._on_goal = on_goal[0]
 
 
 def _no_way(node: ActionHost, goal: Point) -> str:

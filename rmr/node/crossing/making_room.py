@@ -17,7 +17,7 @@ from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.driver import Driver
 from rmr.node.motion.astar import plan
-from rmr.node.motion.grid import TIGHT_MARGIN_M
+from rmr.node.motion.grid import PATH_MARGIN_M
 from rmr.node.motion.route import Route, leader_route
 from rmr.node.motion.standoff.refuge import retreat_route
 from rmr.node.parts import CrossingHost
@@ -63,7 +63,7 @@ class MakingRoom:
         if station is not None and stands and not robot.acts:
             self._make_room(now, driver, here, goal)
             return
-        reach = 2.0 * driver.arena.shape.radius + TIGHT_MARGIN_M
+        reach = 2.0 * driver.arena.shape.radius + PATH_MARGIN_M
         for other, hello in robot.peers.claims(now):
             comes = hello.goal is not None and distance(*hello.goal, *here) < reach
             if hello.goal is None or (other not in inside and (hello.parked or not comes)):
@@ -91,7 +91,7 @@ class MakingRoom:
         None if it has one anyway, or none even then.
         """
         arena = driver.arena
-        reach = 2.0 * arena.shape.radius + TIGHT_MARGIN_M
+        reach = 2.0 * arena.shape.radius + PATH_MARGIN_M
         if distance(*trip.start, *trip.goal) < reach:
             return None
         others = [at for at in self._robot.peers.parked(now) if at != trip.start]

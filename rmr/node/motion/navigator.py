@@ -21,7 +21,7 @@ from rmr.node.motion.estimate import time_left
 from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.goal_queue import WAITING_RADII, is_one_goal, robots_ahead
-from rmr.node.motion.grid import TIGHT_MARGIN_M, discs_around, same_places
+from rmr.node.motion.grid import PATH_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route, still_behind
@@ -302,7 +302,7 @@ class Navigator:
 
         Else two or more would stand for good on each other's goals.
         """
-        reach = 2.0 * self.arena.shape.radius + TIGHT_MARGIN_M
+        reach = 2.0 * self.arena.shape.radius + PATH_MARGIN_M
         stand = self._standing.points
         goals = [other.goal for other in self._driving if other.robot in stand and other.goal is not None]
         if not any(distance(*goal, pose.x, pose.y) < reach for goal in goals):

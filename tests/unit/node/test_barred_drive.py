@@ -125,3 +125,13 @@ def test_a_drive_that_the_living_bar_does_not_fail_inside_a_passage_but_behind_i
     host.now = seconds(60)
     with pytest.raises(ActionFailed):
         drive.look(GOAL, before_turn=False)
+
+
+def test_a_goal_that_one_robot_after_the_other_stands_on_is_not_kept():
+    host, drive = barred_by_living()
+    for begins_s, robot in ((1, 2), (16, 3), (31, 2)):
+        host.peers.standing = lambda _, robot=robot: {robot: GOAL}
+        look(host, drive, begins_s, begins_s + 15)
+    host.now = seconds(52)
+    with pytest.raises(ActionFailed, match="no way there"):
+        look(host, drive, 46, 53)
