@@ -34,6 +34,10 @@ PAST_MPS: Final = 0.04
 """Speed with which one that stands is passed where the gap is least."""
 AHEAD_S: Final = 0.25
 """How much of the earlier one's way the later one leaves to it, beyond that to stand, seconds."""
+TURNS_RADPS: Final = 1.0
+"""How fast one that is heard and not seen may turn off its line, radians a second..."""
+TURNED_M: Final = 0.01
+"""... until it would come to stand this far beside it, times its pace: then it says so (`rmr.node.peers.presence`)."""
 EXACT_M: Final = 1e-4
 """A way along another one comes nearer by this much in rounding."""
 
@@ -42,12 +46,13 @@ EXACT_M: Final = 1e-4
 class WaysToStand:
     """The law for robots of one shape."""
 
-    __slots__ = ("_before", "_past", "_speed", "_touch")
+    __slots__ = ("_before", "_past", "_speed", "_touch", "_turned")
 
     def __init__(self, scale: MotionScale) -> None:
         self._speed: Final = scale.speed
         self._before: Final = BEFORE_M * scale.size
         self._past: Final = PAST_M * scale.size
+        self._turned: Final = TURNED_M * scale.pace
         self._touch: Final = 2.0 * scale.radius
 
     def clear(
@@ -66,6 +71,9 @@ class WaysToStand:
         u = hypot(body.vx, body.vy)
         stands = u <= STILL_MPS
         keep = self._touch + gap_m + blur_m(min(self._speed, u))
+        if age_s > 0.0:
+            turned = (0.5 * u * age_s + u * LAG_S + u * u / (2.0 * BRAKE)) * TURNS_RADPS * age_s
+            keep += turned if turned < self._turned else self._turned
         reach = 0.0 if stands else u * (LAG_S + age_s) + u * u / (2.0 * BRAKE)
         ahead_m = 0.0 if stands or first else AHEAD_S * u
         if hypot(body.x, body.y) - reach - ahead_m - keep - self._before >= way * (1.0 + SLOPE):

@@ -11,8 +11,9 @@ from functools import lru_cache
 from typing import Final, final
 
 from rmr.base.geometry import Point, Pose
+from rmr.base.motion_scale import scale_of
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.node import payloads
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.crossing.crossings import Crossings
@@ -20,9 +21,10 @@ from rmr.node.crossing.phases import Slotted
 from rmr.node.driver import Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.ways import TURNED_M
 from rmr.node.parts import Radio
 from rmr.node.payloads import Hello, PayloadKind, WireError
-from rmr.node.peers.hello import STAYS, STAYS_SPARE, HelloClock
+from rmr.node.peers.hello import STAYS, STAYS_SPARE, ExpectedStand, HelloClock
 from rmr.node.peers.perception import driving_of
 from rmr.node.ports import Received
 from rmr.node.robot_state import RobotState
@@ -80,6 +82,10 @@ class Presence:
         """Where others stand, as the navigator was last given it."""
         self._hellos: HelloClock | None = None
         """None: a robot without a body has no place to tell."""
+        self._expected: ExpectedStand | None = None
+        """What the last hello lets others expect."""
+        self._said_at: Instant = 0
+        self._strays_m: Final = TURNED_M * scale_of(state.config.arena.shape).pace
         if state.driver is not None:
             rng = stream(f"{state.config.seed}/robot{state.robot}/hello")
             self._hellos = HelloClock(rng, self._profile)
@@ -109,6 +115,16 @@ class Presence:
             if self._hellos.due == NEVER and self._driver.localiser.pose is not None:
                 self._hellos.begin(now)
             self._hellos.poll(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
+            if self._strays(now, self._driver):
+                self._hellos.at_once(now)
+
+    def _strays(self, now: Instant, driver: Driver) -> bool:
+        """Return whether the robot drives elsewhere than its last hello lets others expect: they keep clear of that."""
+        expected = self._expected
+        pose = driver.localiser.pose
+        if expected is None or pose is None or self._actions.driving is None:
+            return False
+        return expected.astray_m(in_seconds(now - self._said_at), pose, driver.driven(now)) > self._strays_m
 
     def wake(self, now: Instant) -> None:
         """Say hello if that is due; a robot that does not know where it is says it as soon as it does."""
@@ -148,6 +164,8 @@ class Presence:
         v = driver.driven(now)
         hello = Hello(pose.x, pose.y, pose.theta, v, parked, rank, goal, self._state.digest, stays, listed)
         self._radio.transmit(payloads.encode_hello(hello), None)
+        self._expected = ExpectedStand(hello)
+        self._said_at = now
 
     # -- hearing ----------------------------------------------------------------------------------------------
 

@@ -192,7 +192,7 @@ def test_octets_of_something_else_are_told(log):
 
 
 def test_operations_that_are_none_are_malformed(log):
-    for body in (b"\xff", b"\x02\x00", bytes([form.ACT]), body_of(log[3])[:-1]):
+    for body in (b"\xff", b"\x02\x00", bytes([form.ACT]), body_of(log[3]) + bytes([form.RECEIVED])):
         with pytest.raises(MindLogError, match="malformed"):
             read_batch(resealed(log[3], body))
 

@@ -277,3 +277,12 @@ def test_a_detour_takes_the_other_to_be_further_left_so_that_both_pass_on_the_ri
         assert math.dist(body_itself, ahead) < 1e-9
         left = -math.sin(theta) * (ghost.x - ahead[0]) + math.cos(theta) * (ghost.y - ahead[1])
         assert left > 0.02
+
+
+def test_the_older_a_hello_the_farther_off_its_line_its_robot_may_be_up_to_where_it_says_so_again():
+    beside = body(0.02, 0.17, FULL)
+    free = [SCALED.clear(Twist(FULL, 0.8), beside, 0.016, age, first=True) for age in (0.0, 0.1, 0.2, 0.5)]
+    assert free[0] == 1.0 > free[1] > free[2] > 0.6
+    assert free[3] == pytest.approx(free[2], abs=0.01)
+    off = body(0.02, 0.19, FULL)
+    assert SCALED.clear(Twist(FULL, 0.8), off, 0.016, 0.5, first=True) == 1.0

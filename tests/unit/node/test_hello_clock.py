@@ -1,13 +1,17 @@
 """When hellos are due: often enough to be known by, seldom enough to leave the air to others."""
 
+import math
 from itertools import pairwise
 from random import Random
 
 import pytest
 
+from rmr.base.geometry import Pose
 from rmr.base.time import Duration, in_seconds, seconds
 from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
-from rmr.node.peers.hello import EAGER_FOR, STAYS, HelloClock
+from rmr.node.motion.ways import TURNED_M
+from rmr.node.payloads import Hello
+from rmr.node.peers.hello import EAGER_FOR, STAYS, ExpectedStand, HelloClock
 from rmr.node.profile import profile_of
 
 
@@ -100,3 +104,21 @@ def test_in_a_crowd_those_that_drive_speak_as_often_as_so_few_of_them_may(drivin
 
 def test_one_that_stays_says_so_twice_more_before_it_may_leave() -> None:
     assert 2 * max(periods(1000, parked=True)) < STAYS
+
+
+def test_a_robot_that_sets_out_or_turns_is_astray_before_that_matters_and_one_that_drives_on_is_not() -> None:
+    driving = ExpectedStand(Hello(1.0, 1.0, 0.0, 0.2, parked=False, rank=0, goal=None))
+    for age_s in (0.0, 0.1, 0.35):
+        assert driving.astray_m(age_s, Pose(1.0 + 0.2 * age_s, 1.0, 0.0), 0.2) < 1e-9
+    turned = [k / 60 for k in range(30) if driving.astray_m(k / 60, turning(0.2, 1.0, k / 60), 0.2) > TURNED_M]
+    assert 0.1 < turned[0] < 0.2  # the least time between two hellos of one that drives
+    standing = ExpectedStand(Hello(1.0, 1.0, 0.0, 0.0, parked=False, rank=0, goal=None))
+    assert standing.astray_m(1.0, Pose(1.0, 1.0, 2.0), 0.0) == 0.0  # a turn on the spot moves no hull
+    assert standing.astray_m(1.0, Pose(1.0, 1.0, 2.0), 0.07) > TURNED_M
+    backing = ExpectedStand(Hello(1.0, 1.0, 0.0, -0.08, parked=False, rank=0, goal=None))
+    assert backing.astray_m(0.1, Pose(0.992, 1.0, 0.0), -0.08) < 1e-9
+
+
+def turning(v: float, w: float, age_s: float) -> Pose:
+    """Return where a robot is that has driven an arc from (1, 1) for `age_s`."""
+    return Pose(1.0 + v / w * math.sin(w * age_s), 1.0 + v / w * (1.0 - math.cos(w * age_s)), w * age_s)
