@@ -26,6 +26,8 @@ from drawn_program import PROGRAMS, Scene, Work, draw_work
 
 from rmr.base.geometry import Point, distance
 from rmr.base.streams import stream
+from rmr.node.config import IN_RANGE_DB
+from rmr.radio.phy import RadioConfig, path_loss_db
 
 ROOT: Final = Path(__file__).parents[2]
 ROBOTS: Final = (2, 30)
@@ -115,11 +117,21 @@ def _with_room(seed: int, room: float) -> DrawnLab:
     _name(stream(f"drawn/{seed}/naming"), lab, floor, naming, shape)
     kinds["beacons"] = _beacons(stream(f"drawn/{seed}/beacons"), lab, floor)
     _disturb(stream(f"drawn/{seed}/radio"), lab)
+    _reach(lab, floor)
     lab["duration"] = f"{_duration_s(shape, work, exclusive=word == 'assert' or naming != 'none'):.0f}s"
     if image:
         lab["map"] = "floor.pgm"
         del lab["obstacles"]
     return DrawnLab(seed, kinds, lab, work.text, pixels(floor, step) if image else None)
+
+
+def _reach(lab: dict[str, Any], floor: Floor) -> None:
+    """Let the radio surely reach over the floor, as `rmr check` advises: else no program and no turns are possible."""
+    radio = RadioConfig()
+    loss_db = path_loss_db(math.hypot(floor.width, floor.height), radio.exponent)
+    if loss_db > radio.tx_power_dbm - radio.sensitivity_dbm:
+        power = math.ceil(radio.sensitivity_dbm + loss_db + IN_RANGE_DB)
+        lab["radio"] = {**lab.get("radio", {}), "tx_power_dbm": power}
 
 
 def _robots(rng: Random) -> tuple[int, Shape]:

@@ -64,7 +64,7 @@ STATION = "areas: {dock: {at: [19, 19]}}\nstations: [dock]\n"
     ("more", "warned"),
     [
         (STATION, True),
-        (STATION + "radio: {tx_power_dbm: 6}\n", False),
+        (STATION + "radio: {tx_power_dbm: 12}\n", False),
         (STATION.replace("stations: [dock]\n", ""), False),
     ],
 )
@@ -75,4 +75,4 @@ def test_turns_on_a_floor_wider_than_the_radio_reaches_are_warned_of(tmp_path, m
     assert bool(found) is warned
     if warned:
         assert "radio: warning: this floor is 28 m across, and the radio reaches 19 m" in found[0]
-        assert "`tx_power_dbm: 6` reaches over the whole floor" in found[0]
+        assert "`tx_power_dbm: 12` surely reaches over the whole floor" in found[0]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from rmr.base.time import in_seconds
 from rmr.bytecode.program import Kind, Program
+from rmr.node.config import IN_RANGE_DB
 from rmr.radio.phy import path_loss_db
 from rmr_world.faults import faults_after_end
 from rmr_world.finding import Finding
@@ -76,8 +77,8 @@ def turns_beyond_the_radio(lab: Lab, _program: Program) -> Iterator[Finding]:
         f"this floor is {across_m:.0f} m across, and the radio reaches {reach_m:.0f} m: robots that do not hear each "
         "other may wait for a turn that is long over"
     )
-    power = f"tx_power_dbm: {math.ceil(radio.tx_power_dbm + short_db)}"
-    yield lab.warning(("radio",), f"{message}; `{power}` reaches over the whole floor")
+    power = f"tx_power_dbm: {math.ceil(radio.tx_power_dbm + short_db + IN_RANGE_DB)}"
+    yield lab.warning(("radio",), f"{message}; `{power}` surely reaches over the whole floor")
 
 
 CHECKS = (
