@@ -55,8 +55,9 @@ def test_stalled_robot_is_named_by_those_that_stand_for_it(run):
     data = json.loads(why(run, "--missed", "--json").stdout)
     by_robot = {delay["robot"]: delay for delay in data["delays"]}
     assert sorted(by_robot) == [1, 2, 3]
-    stood = {i["owner"]: i["whom"] for i in by_robot[3]["intervals"] if i["begin_ns"] / 1e9 > 3.5 and i["s"] > 1}
-    assert stood["standing"] == [2]
+    stood = [i for i in by_robot[3]["intervals"] if i["owner"] == "standing" and i["begin_ns"] / 1e9 > 3.5]
+    assert max(stood, key=lambda i: i["s"])["whom"] == [2]
+    assert sum(i["s"] for i in stood) > 1.0
     assert any(each["owner"] == "late tick" and each["s"] > 1.9 for each in by_robot[2]["intervals"])
 
 
@@ -66,7 +67,7 @@ def test_stalled_robot_is_named_by_those_that_stand_for_it(run):
         (["crossing"], "'crossing' names no job: write the assertion and the robot, such as crossing@3"),
         (["crosing@1"], "no job of this run is called crosing; there are crossing"),
         (["crossing@9"], "robot 9 has no log in this recording; robots 1-3 have"),
-        (["crossing@1", "--at", "99s"], "crossing@1 did not run at 99.000 s, but from 0.000 to 12.233 s"),
+        (["crossing@1", "--at", "99s"], "crossing@1 did not run at 99.000 s, but from 0.000 to 11.967 s"),
         (["--timeline"], "--timeline is for one job: write the assertion and the robot, such as crossing@3"),
         (["--at", "3s"], "--at is for one job: write the assertion and the robot, such as crossing@3"),
         (["crossing@1", "--not"], "--missed explains the time of deadlines: --not does not go with it"),
