@@ -68,7 +68,7 @@ def test_iv_e_six_robots_stream_through_the_test_bed_without_contact(seed):
     stream = streamed(seed)
     assert len(stream.arrived) == 6
     assert not stream.bench.contacts
-    assert stream.bench.time < 20.0  # one in ten takes longer than the 14 s below: two stand before each other
+    assert stream.bench.time < 15.0
 
 
 @pytest.mark.medium

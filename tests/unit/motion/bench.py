@@ -20,7 +20,9 @@ from rmr.node.motion.hazards import UNRANKED
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
-from rmr.node.motion.ways import GAP_M, WaysToStand
+from rmr.node.motion.ways import GAP_M, TURNED_M, WaysToStand
+from rmr.node.payloads import Hello
+from rmr.node.peers.hello import ExpectedStand
 from rmr.node.ports import SeenBody
 
 ACCEL = 0.8
@@ -250,6 +252,7 @@ class Stream:
         self.arrived: dict[int, float] = {}
         self.goals: dict[int, Point] = {}
         self.shared = None
+        self._said: dict[int, tuple[ReportedState, Heard | None, ExpectedStand]] = {}
 
     def parked_for(self, body: Body) -> list[Point]:
         """Return where others stand: what their messages say, with the error of their own estimates."""
@@ -282,13 +285,29 @@ class Stream:
 
     def _say(self) -> None:
         """Let every robot hear what the others say: where they believe to be, where they go, and their ranks."""
-        bench = self.bench
-        known, driving = [], []
         for body in self.order:
-            rank = self.rank(body)
-            known.append(body.said(bench.now, rank))
-            if not body.nav.parked:
-                driving.append(Heard(body.robot, body.estimate, body.nav.goal, rank, bench.now))
+            self._says(body)
+        self._hear()
+
+    def _says(self, body: Body) -> None:
+        """Say where `body` is and how it drives: what others know of it until it says so again."""
+        now = self.bench.now
+        rank = self.rank(body)
+        drives = None if body.nav.parked else Heard(body.robot, body.estimate, body.nav.goal, rank, now)
+        hello = Hello(*body.estimate, body.v, body.nav.parked, rank, None)
+        self._said[body.robot] = body.said(now, rank), drives, ExpectedStand(hello)
+
+    def _strays(self, body: Body) -> bool:
+        """Return whether `body` drives elsewhere than it last let others expect: then robots say hello at once."""
+        if body.robot not in self._said or body.nav.parked:
+            return False
+        state, _, expected = self._said[body.robot]
+        return expected.astray_m(in_seconds(self.bench.now - state.at), body.estimate, body.v) > TURNED_M
+
+    def _hear(self) -> None:
+        bench = self.bench
+        known = [state for state, _, _ in self._said.values()]
+        driving = [heard for _, heard, _ in self._said.values() if heard is not None]
         for body in self.order:
             others = [heard for heard in driving if heard.robot != body.robot]
             body.nav.update_moving(bench.now, self.rank(body), others)
@@ -298,6 +317,10 @@ class Stream:
         bench = self.bench
         if bench.tick % SAID_TICKS == 0:
             self._say()
+        elif astray := [body for body in self.order if self._strays(body)]:
+            for body in astray:
+                self._says(body)
+            self._hear()
         if bench.tick % 15 == 0:
             for body in self.order:
                 body.nav.update_parked(self._parked_ahead(body))
