@@ -24,6 +24,9 @@ FinishPattern = tuple[str, tuple[Anything | Constant, ...]]
 
 UNKNOWN_INSIDE: Final[Duration] = seconds(1)
 """Expected length of a crossing whose action is not a drive; it is extended while the action lasts longer."""
+STUCK: Final[Duration] = seconds(20)
+"""An action fails when what it needs has been missing for so long: the robot's position, a way that nobody bars, or a
+place of a station that the dead do not have."""
 LISTEN: Final[Duration] = milliseconds(1200)
 """Time that a restarted robot listens before it drives: two hellos of each parked robot."""
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)

@@ -12,7 +12,8 @@ from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.actions.dispatcher import Permit
 from rmr.node.actions.handle import ActionFailed, Pause
-from rmr.node.actions.node_handle import STUCK_S, LocatedSteps, NodeHandle
+from rmr.node.actions.node_handle import LocatedSteps, NodeHandle
+from rmr.node.config import STUCK
 from rmr.node.motion.grid import segment_clearance
 from rmr.node.motion.obstruction import near_polyline, robots_named, robots_near, solid_between, what_bars
 from rmr.node.motion.straight_drive import Straight
@@ -128,7 +129,7 @@ class BarredDrive:
     def look(self, goal: Point, *, before_turn: bool) -> None:
         """Look whether there is a way to `goal`, if that is due.
 
-        Raises ActionFailed when the dead have barred the way for STUCK_S, or those that stand: `before_turn` for that
+        Raises ActionFailed when the dead have barred the way for STUCK, or those that stand: `before_turn` for that
         long for each robot of the roster, for those that go first may be in its way, and then anew.
         """
         if not self.due:
@@ -145,17 +146,17 @@ class BarredDrive:
         dead_for = self._by_dead.note(now, bool(node.blocked))
         if node.blocked and not told:
             node.trace(now, "blocked", reason=node.blocked)
-        if dead_for > seconds(STUCK_S):
+        if dead_for > STUCK:
             raise ActionFailed(f"no way there: {node.blocked}")
         pose = node.pose
         self._note_goal(goal)
         barred_for = self._by_standing.note(now, pose is not None and node.motion.barred(pose))
         if before_turn:
             self._waited_until = now
-            allowed = seconds(STUCK_S) * len(node.config.roster)
+            allowed = STUCK * len(node.config.roster)
         else:
             barred_for = min(barred_for, now - self._waited_until)
-            allowed = seconds(STUCK_S)
+            allowed = STUCK
         # Inside a passage a robot drives on: where it stood for another turn, nobody could pass.
         inside = node.motion.passed_gate and not node.motion.cleared
         if barred_for > allowed and not inside:

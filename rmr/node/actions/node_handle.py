@@ -3,15 +3,13 @@
 Like `rmr.node.actions.handle` this module is never compiled.
 """
 
-from typing import Any, Final, NoReturn
+from typing import Any, NoReturn
 
-from rmr.base.time import Instant, seconds
+from rmr.base.time import Instant
 from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle
+from rmr.node.config import STUCK
 from rmr.node.parts import ActionHost
-
-STUCK_S: Final = 20.0
-"""Time without a way, or without a known position, after which a drive fails."""
 
 
 class NodeTime:
@@ -132,7 +130,7 @@ class LocatedSteps(ActionSteps):
             if not self.prepare():
                 return None
             if node.pose is None:
-                return Pause(node.now + seconds(STUCK_S), self._is_located)
+                return Pause(node.now + STUCK, self._is_located)
         if not self._begun:
             if node.pose is None:
                 raise ActionFailed("the robot does not know where it is")
@@ -142,7 +140,7 @@ class LocatedSteps(ActionSteps):
             if self._lost:
                 raise ActionFailed("the robot does not know any more where it is")
             self._lost = True
-            return Pause(node.now + seconds(STUCK_S), self._is_located)
+            return Pause(node.now + STUCK, self._is_located)
         self._lost = False
         return self.go_on()
 

@@ -13,7 +13,7 @@ from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, se
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.coord.timing import LivenessTiming
 from rmr.node.actions.dispatcher import RunningAction
-from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.config import STUCK, UNKNOWN_INSIDE
 from rmr.node.crossing.course import Course
 from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
 from rmr.node.crossing.phases import (
@@ -53,8 +53,6 @@ LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the commit line on time."""
 REPLAN_BEFORE: Final[Duration] = seconds(3)
 """Earlier before its slot a robot keeps its route: to the entrance any is the same, and ranks still change."""
-BARRED_FOR: Final[Duration] = seconds(20)
-"""The dead have all places of a station for so long before a drive into it fails, as one whose way they bar does."""
 PRESUMED_GONE: Final[Duration] = LivenessTiming().gone
 """A robot that was stopped for longer than this while inside may have been presumed gone."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
@@ -83,7 +81,7 @@ class Crossing:
     beyond: bool = False
     """Whether the robot had the resource behind it when it asked."""
     barred: bool = False
-    """Whether the dead bar every way, as of the last poll; all places of a station, for `BARRED_FOR`."""
+    """Whether the dead bar every way, as of the last poll; all places of a station, for `STUCK`."""
     free_at: Instant = 0
     """When a place of the station was last free of the dead, or the robot began to ask."""
     rank: int = 0
@@ -348,7 +346,7 @@ class Crossing:
         """Compare the robot's own estimate with its slot, and with what the leader has heard."""
         if self.station:
             self.free_at = self.free_at if situation.barred and self.free_at else now
-            self.barred = now - self.free_at > BARRED_FOR
+            self.barred = now - self.free_at > STUCK
         if not self.poll_is_due(now):
             return []
         phase.polled_at = now
