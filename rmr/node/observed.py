@@ -27,9 +27,7 @@ def status_of(node: ReportedNode, now: Instant, queue: int) -> dict[str, Any]:
         "progress": progress(node, now),
         "finished": node.finished(),
         "leads": [
-            str(crossings.name_of(event) or event.hex())
-            for event, schedule in crossings.schedules.items()
-            if schedule.leader == node.robot
+            crossings.name_of(event) for event, schedule in crossings.schedules.items() if schedule.leader == node.robot
         ],
         "queue": queue,
     }
