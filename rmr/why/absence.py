@@ -225,11 +225,11 @@ class AbsenceFinder:
                 any_derived = True
                 text = item_text(self._program, action.predicate, action.executor, action.args)
                 yield AbsenceNode("action", f"it is the {effect} of action {text}: {self._stages(action)}")
-        if not any_derived and source.ok:
+        if not any_derived:
             text = item_text(self._program, source.action, source.executor, source.args)
-            node = AbsenceNode("action", f"it is the effect of action {text}, which was never derived")
+            node = AbsenceNode("action", f"it is the {effect} of action {text}, which was never derived")
             derivable = [robot for robot in executors if rule_sources(self._program, wanted.of(robot))]
-            for robot in derivable[:ACTIONS_SHOWN] if depth > 0 else ():
+            for robot in derivable[:ACTIONS_SHOWN] if depth > 0 and source.ok else ():  # nobody asks for a failure
                 node.children += self.reasons(wanted.of(robot), depth - 1)
             if not derivable:
                 node.children.append(AbsenceNode("note", "no rule derives that action"))
