@@ -214,3 +214,15 @@ def test_fifty_robots_are_drawn_at_a_usable_rate(shown, visit):
         }"""
     )
     assert counted > 3  # a loaded machine without a graphics processor; an idle one draws more than 30
+
+
+def test_who_looks_at_the_faults_when_the_run_ends_is_shown_the_chosen_robot(shown, visit):
+    run = shown("corridor", control=True)
+    page = visit(run.address)
+    page.tab("Faults")
+    page.press("5")
+    until(page.button("Kill").count, "robot 5 is chosen")
+    run.simulation.stop()
+    until(lambda: page.page.get_by_role("tab", name="Faults").count() == 0, "faults cannot be added any more")
+    panel = page.page.locator("#panel")
+    until(lambda: "!due(@5, 34.0)" in panel.inner_text(), "what robot 5 knows")

@@ -11,7 +11,7 @@ import { RadioPanel } from "./radio.js";
 import { RobotPanel, Roster } from "./robot.js";
 import { clockText, intervalAt, leadersAt, stateText } from "./run_facts.js";
 import { advance, choose, clock, counts, frames, poses, reconnectNow, routesAt, seek, start, toggleLayer, explainMiss } from "./session.js";
-import { get, set, subscribe, useKeys } from "./store.js";
+import { get, set, shownTab, subscribe, useKeys } from "./store.js";
 import { GUTTER, Timeline } from "./timeline.js";
 import { Steering, Transport, hand } from "./transport.js";
 
@@ -225,9 +225,9 @@ function TimelineView() {
 }
 
 function Panel() {
-  const { tab, run } = useKeys("tab", "run");
+  const { run } = useKeys("tab", "run");
   const tabs = TABS.filter(([name]) => name !== "faults" || run.control);
-  const chosen = tabs.find(([name]) => name === tab) ?? tabs[0];
+  const chosen = tabs.find(([name]) => name === shownTab());
   const step = (event) => {
     const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (!move) return;

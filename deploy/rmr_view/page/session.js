@@ -7,7 +7,7 @@ import { PlaybackClock } from "./clock.js";
 import { setRoster } from "./palette.js";
 import { deadlineCounts } from "./run_facts.js";
 import { Entries, Poses } from "./series.js";
-import { get, set } from "./store.js";
+import { get, set, shownTab } from "./store.js";
 
 const TIMELINE_EVERY_MS = 1000;
 const DETAILS_EVERY_MS = 500;
@@ -166,9 +166,9 @@ let detailsNext = 0;
 
 /** Ask what the chosen robot knows at the time shown; not again before the answer is there. */
 async function renewDetails() {
-  const { selected, tab } = get();
+  const { selected } = get();
   const wall = performance.now();
-  if (selected === null || tab !== "robot" || detailsBusy || wall < detailsNext) return;
+  if (selected === null || shownTab() !== "robot" || detailsBusy || wall < detailsNext) return;
   const t = Math.round(clock.t * 100) / 100;
   const key = `${selected}@${t}`;
   if (key === detailsKey) return;

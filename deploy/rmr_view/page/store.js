@@ -37,6 +37,11 @@ export function get() {
   return state;
 }
 
+/** The tab that is shown: without control, as at the end of a run, there are no faults to choose. */
+export function shownTab() {
+  return state.tab === "faults" && !state.run?.control ? "robot" : state.tab;
+}
+
 export function set(changes) {
   const changed = Object.keys(changes).some((key) => state[key] !== changes[key]);
   if (!changed) return;
