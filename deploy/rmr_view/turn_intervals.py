@@ -17,7 +17,7 @@ serves a run under way, too; whatever is open then ends at the instant asked for
 Each kind also ends with `withdrawn`. A robot may have several turns at a time, of different events: one at a passage,
 say, while it has its place in a station. Their intervals overlap.
 
-Actions are intervals of their own, from `action` to `action_ended`: a lane shows them where a robot takes no turns.
+Actions are intervals of their own, from `action` to `action_ended`: a lane shows those that begin outside of turns.
 """
 
 import math

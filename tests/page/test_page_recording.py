@@ -5,6 +5,8 @@ import re
 import pytest
 from shown_run import ShownRecording, until
 
+from rmr_lab.scaffold import write_lab
+
 
 @pytest.fixture
 def page(recorded, visit):
@@ -45,7 +47,7 @@ def test_same_click_closes_the_explanation_again(page):
 
 
 def test_absent_fact_is_explained_too(page):
-    page.page.get_by_placeholder("at(@3, exit)").fill("at(@3, exit)")
+    page.page.get_by_label("A fact that it does not hold").fill("at(@3, exit)")
     page.button("why not?").click()
     text = until(
         lambda: page.page.locator(".why .tree").count() and page.page.locator(".why .tree").inner_text(), "why"
@@ -55,7 +57,7 @@ def test_absent_fact_is_explained_too(page):
 
 
 def test_question_that_is_none_is_answered_with_a_sentence(page):
-    page.page.get_by_placeholder("at(@3, exit)").fill("at(@3,")
+    page.page.get_by_label("A fact that it does not hold").fill("at(@3,")
     page.button("why not?").click()
     trouble = page.page.locator(".why .trouble")
     until(lambda: trouble.count() and trouble.inner_text().endswith("."), "a sentence")
@@ -157,3 +159,44 @@ def test_page_opens_at_the_instant_and_robot_of_its_address(recorded, visit):
     page = visit(recorded.address + "#t=12.5&robot=4")
     assert page.t == 12.5
     assert page.state("selected") == 4
+
+
+def test_drives_before_a_turn_stay_in_the_lane_and_words_are_those_of_the_lab(recordings, visit, tmp_path):
+    write_lab(tmp_path / "shop")
+    shown = ShownRecording(recordings(str(tmp_path / "shop")))
+    page = visit(shown.address)
+    page.pause()
+    page.press("End")
+    page.press("2")
+    box = page.canvas("timeline").bounding_box()
+    begin, end = page.read("window")
+    lane = (box["height"] - 30) / 3
+
+    def told(t):
+        x = 46 + (t - begin) / (end - begin) * (box["width"] - 56)
+        page.canvas("timeline").hover(position={"x": x, "y": 24 + 1.5 * lane})
+        return page.page.locator(".timeline .tip").inner_text()
+
+    assert "moveto(@2, shelf): 0.0 s to" in told(5.0)
+    intervals = page.ask("() => window.__rmr.state.timeline.lanes[1].intervals")
+    inside = told(intervals[-1]["begin_s"] + 0.5)
+    assert "inside" in inside
+    assert "moveto" not in inside, "the turn hides its last part, and its own actions"
+    assert "pack(" not in inside
+    asked = page.page.get_by_label("A fact that it does not hold")
+    until(lambda: asked.get_attribute("placeholder") == "packed(@2)", "an example of this lab")
+    page.close()
+    shown.close()
+
+
+def test_a_heading_is_never_360_degrees(recorded, visit):
+    page = visit(recorded.address + "#robot=3")
+    page.pause()
+    until(lambda: "heading" in page.page.locator(".pose").inner_text(), "its pose")
+    told = page.ask(
+        """async () => {
+            const module = await import("/static/robot.js");
+            return [-0.001, 0, 6.2831, -6.2831, 3.1416, -1.5708].map(module.degreesOf);
+        }"""
+    )
+    assert told == [0, 0, 0, 0, 180, 270]

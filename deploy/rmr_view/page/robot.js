@@ -111,14 +111,18 @@ function DeadlineBar({ robot, deadline, t }) {
   </div>`;
 }
 
+/** A heading in radians as whole degrees from 0 to 359. */
+export function degreesOf(heading) {
+  return ((Math.round((heading * 180) / Math.PI) % 360) + 360) % 360;
+}
+
 /** Pose and error of the estimate at the time shown, from what is drawn. */
 function PoseLine({ robot, t }) {
   const at = poses.at(robot, t);
   if (!at) return null;
   const guess = poses.at(robot, t, true);
-  const degrees = Math.round((((at[2] * 180) / Math.PI) % 360 + 360) % 360);
   const away = guess ? Math.hypot(guess[0] - at[0], guess[1] - at[1]) * 1000 : null;
-  return html`<p class="pose">at (${at[0].toFixed(2)}, ${at[1].toFixed(2)}) m, heading ${degrees}°${away === null ? "" : `, estimate off by ${away.toFixed(0)} mm`}</p>`;
+  return html`<p class="pose">at (${at[0].toFixed(2)}, ${at[1].toFixed(2)}) m, heading ${degreesOf(at[2])}°${away === null ? "" : `, estimate off by ${away.toFixed(0)} mm`}</p>`;
 }
 
 function Mind({ details }) {
@@ -164,12 +168,14 @@ function Fact({ robot, fact, t }) {
 /** A fact that the robot does not hold, and the question why. */
 function WhyNot({ robot }) {
   const [fact, setFact] = useState("");
+  const { timeline, nowSlow } = get();
+  const example = currentDeadline(laneOf(timeline, robot).deadlines, nowSlow)?.job ?? `fact(@${robot})`;
   const submit = (event) => {
     event.preventDefault();
     if (fact.trim()) explain(robot, fact.trim(), Math.round(clock.t * 1000) / 1000, true);
   };
   return html`<form class="whynot" onSubmit=${submit}>
-    <label><span class="hidden">A fact that it does not hold</span><input type="search" placeholder="at(@${robot}, exit)" value=${fact} onInput=${(event) => setFact(event.target.value)} /></label>
+    <label><span class="hidden">A fact that it does not hold</span><input type="search" placeholder=${example} value=${fact} onInput=${(event) => setFact(event.target.value)} /></label>
     <button class="plain" disabled=${!fact.trim()}>why not?</button>
   </form>`;
 }

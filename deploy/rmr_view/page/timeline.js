@@ -272,11 +272,11 @@ export class Timeline {
     c.fillRect(begin, RULER - 5, Math.max(2, end - begin), 3);
   }
 
-  /** The actions of a robot that takes no turns, as bars with their names; one that failed has the colour of alarm. */
+  /** Actions that began outside of turns, as bars with their names; one that failed has the colour of alarm. */
   drawActions(c, place, lane, inset) {
-    for (const one of lane.actions) {
+    for (const one of freeActions(lane)) {
       const begin = Math.max(GUTTER, this.px(one.begin_s));
-      const end = Math.min(this.width, this.px(one.end_s));
+      const end = Math.min(this.width, this.px(one.until_s));
       if (end < GUTTER || begin > this.width) continue;
       const [y, wide, tall] = [this.top(place) + inset, Math.max(1, end - begin - 1), this.lane - 2 * inset];
       c.fillStyle = faded(one.failure ? ALERT : robotColour(lane.robot), 0.4);
@@ -296,7 +296,7 @@ export class Timeline {
 
   drawLane(c, place, lane) {
     const inset = this.lane > 16 ? 5 : this.lane > 8 ? 2 : 1;
-    if (lane && withoutTurns(lane)) this.drawActions(c, place, lane, inset);
+    if (lane) this.drawActions(c, place, lane, inset);
     for (const one of lane?.intervals ?? []) {
       const begin = Math.max(GUTTER, this.px(one.begin_s));
       const end = Math.min(this.width, this.px(one.open ? this.source.end : one.end_s));
@@ -437,8 +437,8 @@ export class Timeline {
       const event = interval.event ? `, ${interval.event}` : "";
       lines.push(`Robot ${robot} ${stateText(interval.kind)}${event}: ${clockText(interval.begin_s)} to ${interval.open ? "now" : clockText(interval.end_s)}`);
     }
-    for (const one of lane && withoutTurns(lane) ? lane.actions : []) {
-      if (one.begin_s > t || t > one.end_s) continue;
+    for (const one of lane ? freeActions(lane) : []) {
+      if (one.begin_s > t || t > one.until_s) continue;
       const failed = one.failure ? `, failed: ${one.failure}` : "";
       lines.push(`Robot ${robot} ${one.action}: ${clockText(one.begin_s)} to ${clockText(one.end_s)}${failed}`);
     }
@@ -451,9 +451,18 @@ export class Timeline {
   }
 }
 
-/** Whether a robot has taken no turn so far: its lane shows its drives and other actions then. */
-function withoutTurns(lane) {
-  return !lane.intervals.some((one) => one.kind in STRENGTH);
+const free = new WeakMap(); // by lane: the timeline is drawn far more often than it comes
+
+/** A robot's drives and other actions that began while it had and awaited no turn, until the next one: `until_s`. */
+function freeActions(lane) {
+  if (!free.has(lane)) {
+    const turns = lane.intervals.filter((one) => one.kind in STRENGTH);
+    const during = (t) => turns.some((one) => one.begin_s <= t && (t < one.end_s || one.open));
+    const next = (t) => turns.find((one) => one.begin_s > t)?.begin_s ?? Infinity;
+    const begun = lane.actions.filter((one) => !during(one.begin_s));
+    free.set(lane, begun.map((one) => ({ ...one, until_s: Math.min(one.end_s, next(one.begin_s)) })));
+  }
+  return free.get(lane);
 }
 
 function deadlineText(one, end) {
