@@ -2,8 +2,11 @@
 
 Every message is drawn within its type: what the strict decoding takes. Half of them carry the number of their alleged
 sender's session, as somebody could who listens; statuses do not, for such a one is the sender's by all that there is to
-see. No order that is obeyed is among them (a stop, an outage without end, another program). Meanwhile the lab runs. At
-the end nothing may have ended, and what the launcher knows of each robot is what that robot tells (`problems`).
+see. A rival answers beside the world whatever is asked for, maps and lab time, too, and announces itself as a world
+now and then; robots ask for their map again as after a lost connection. Wheel commands are obeyed, as from the robot
+itself. No other order that is obeyed is among them (a stop, an outage without end, another program): what comes of it
+is no lie. Meanwhile the lab runs. At the end nothing may have ended, and what the launcher knows of each robot is what
+that robot tells (`problems`).
 
 Run as a program for a long campaign: ``python forged_campaign.py SEED [MESSAGES]``.
 """
@@ -12,6 +15,7 @@ import asyncio
 import math
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
@@ -20,7 +24,7 @@ from typing import Any
 from rmr.base.time import NEVER, NS_PER_S, seconds
 from rmr.bus import wire
 from rmr.bus.checks import COUNT_MAX, QUANTITY_MAX
-from rmr.bus.keys import Keys
+from rmr.bus.keys import WORLD_ROLE, Keys
 from rmr.bus.losses import SENT_AT_ONCE, SENT_PER_S
 from rmr.bus.process import Ending
 from rmr.bus.session import Bus, open_bus
@@ -130,6 +134,25 @@ class Forger:
         until = self._rng.choice([-NEVER, 0, self._lab_now() + NS_PER_S // 2])
         return KEYS.silence, wire.OPERATOR_ID, wire.Silence(self._rng.choice((*ROBOTS, 9)), until)
 
+    def _held(self) -> tuple[Disturbance, ...]:
+        return tuple(Disturbance(0, NS_PER_S // 2, loss=self._rng.random()) for _ in range(self._rng.randrange(3)))
+
+    def answer(self, true: wire.Map, asked: wire.Message) -> wire.Message:
+        """Return an answer to a request; a map is one of the `true` lab or of another, with anything else in it."""
+        rng = self._rng
+        if isinstance(asked, wire.AskClock):
+            return wire.Clock(rng.choice(wire.CLOCK_STATES), self._instant(), self._instant())
+        if isinstance(asked, wire.AskDisturbances):
+            lab, refused = rng.choice(("dash", "other")), rng.choice(("", "no"))
+            return wire.Disturbances(lab, self._instant(), self._held(), 0, refused)
+        roster = tuple(sorted(rng.sample(range(1, 12), rng.randrange(1, 6))))
+        facts = tuple(("at", rng.choice((None, *ROBOTS)), (self._count(),)) for _ in range(rng.randrange(3)))
+        finish = rng.choice((None, ("at", (None, self._count()))))
+        lab = rng.choice(("dash", "dash", "other"))
+        head = (lab, rng.random() < 0.5, rng.random() < 0.5, rng.randrange(5), self._count(), roster)
+        rest = (rng.choice(wire.CLOCK_STATES), self._held(), rng.choice((None, self._instant())))
+        return wire.Map(*head, true.arena, true.radio, facts, finish, *rest)
+
     def message(self) -> tuple[str, bytes]:
         """Return a key and the octets of a message on it."""
         rng = self._rng
@@ -175,6 +198,9 @@ class Stage:
             self.robots[robot] = HostedRobot(robot, robot, bus, endpoint, "dash", setup, ending)
         self.monitor = StatusMonitor(self._client(wire.OPERATOR_ID, endpoint), "dash")
         self.forger = self._client(wire.OPERATOR_ID, endpoint)
+        self.rival = self._client(wire.WORLD_ID, endpoint)
+        self.answered: Counter[str] = Counter()
+        """Requests that the rival has answered, too, by their type."""
         self.began = time.monotonic()
         self.believed: set[int] = set()
         """In whose name a forged status was believed."""
@@ -205,15 +231,31 @@ class Stage:
         """Send so many messages, a hundredth of them requests."""
         forger = Forger(seed, self.runs, self.lab_now)
         put = self.forger._session.put
+        self._compete(forger)
+        withdraw: Callable[[], None] | None = None
         for number in range(0, messages, AT_ONCE):
             for key, data in (forger.message() for _ in range(AT_ONCE)):
                 wire.decode(data)  # it is within its type
                 put(key, data)
             if number % (4 * AT_ONCE) == 0:
                 await self.forger.ask(*forger.request(), 0.2)
+            if number % (20 * AT_ONCE) == 0:
+                for robot in self.robots.values():
+                    robot._rejoin.set()
+                withdraw = self.rival.declare_alive(KEYS.alive(WORLD_ROLE, 9)) if withdraw is None else withdraw()
             await asyncio.sleep(PAUSE_S)
             self.lost |= self.monitor.present != set(ROBOTS)
             self.believed |= {who for who, said in self.said() if said is not None and said.progress == "forged"}
+
+    def _compete(self, forger: Forger) -> None:
+        """Answer, beside the world, what robots and others ask it for."""
+
+        def answer(message: wire.Envelope, _arrived: int) -> wire.Message:
+            self.answered[type(message.body).__name__] += 1
+            return forger.answer(self.world._map, message.body)
+
+        for key in (KEYS.map, KEYS.clock, KEYS.disturbances):
+            self.rival.serve(key, answer)
 
     def said(self) -> list[tuple[int, wire.Status | None]]:
         """Return what the launcher takes each process to have said last."""
@@ -235,6 +277,9 @@ class Stage:
             told = self.monitor.report(robot)
             yield from self._lies(robot, told, hosted._report(hosted._incarnation))  # type: ignore[arg-type]
         elapsed_s = time.monotonic() - self.began
+        for robot, hosted in self.robots.items():
+            if hosted._incarnation is not None and abs(hosted._incarnation.now() - self.lab_now()) > seconds(1):
+                yield f"robot {robot} takes it to be {hosted._incarnation.now()}, the world {self.lab_now()}"
         for name, _, worst_s in self.world._late_commands.report():
             if worst_s > elapsed_s:
                 yield f"a command of robot {name} is told to be {worst_s} s late, after {elapsed_s:.0f} s"
@@ -272,6 +317,8 @@ async def _play(seed: int, messages: int) -> list[str]:
             return [f"the lab never ran: {stage.monitor.robots}"]
         await stage.forge(seed, messages)
         await stage.until(lambda: not list(stage.problems()))
+        unheard = {"AskMap", "AskClock", "AskDisturbances"} - stage.answered.keys()
+        failures += [f"the rival was never asked: {', '.join(sorted(unheard))}"] if unheard else []
         return [*failures, *stage.problems()]
     finally:
         await stage.end()

@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from rmr.bus import wire
-from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, WORLD_ROLE, Keys
+from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, Keys
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
@@ -95,6 +95,8 @@ class HostedRobot:
         self.leaving = Ending()
         """This robot's end; the process goes on while others live in it."""
         self._keys = Keys(lab or ANY_LAB)
+        self._world: int | None = None
+        """The session of the robot's world; others may answer in its name."""
         self._token = random.SystemRandom().getrandbits(48)
         self._clock = LabClock()
         self._clock_news = asyncio.Event()
@@ -127,15 +129,14 @@ class HostedRobot:
             await self._leave()
 
     async def _lives_in_a_row(self, tasks: list[asyncio.Future[None]]) -> None:
-        world: int | None = None
         while True:
             self._rejoin.clear()
-            known = await self._join(world)
+            known = await self._join()
             if not tasks:
                 self._listen()
                 tasks += [asyncio.ensure_future(self._keep_time()), asyncio.ensure_future(self._tell())]
-            if known.run != world:
-                world = known.run
+            if known.run != self._world:
+                self._world = known.run
                 self._begin(known)
             elif self._lost:
                 log.info("the world is back; robot %d goes on", self._robot)
@@ -144,18 +145,18 @@ class HostedRobot:
             self._lost = False
             await self._rejoin.wait()
 
-    async def _join(self, before: int | None) -> wire.Envelope:
+    async def _join(self) -> wire.Envelope:
         """Return what the world tells the robot, in its envelope. A refusal asks for the end of the process.
 
-        `before` is the session of the robot's world so far: while that answers, no other one counts, and what tells of
-        another lab than was asked for is no answer.
+        While the robot's world so far answers, no other session counts, and what tells of another lab than was asked
+        for is no answer.
         """
         patience_s = time.monotonic() + TAKEN_PATIENCE_S
         while True:
             replies = await self._bus.ask(self._keys.map, wire.AskMap(self._robot, self._token), ASK_S)
             maps = [(envelope, envelope.body) for envelope, _ in replies if isinstance(envelope.body, wire.Map)]
             maps = [answer for answer in maps if self._keys.lab in (ANY_LAB, answer[1].lab)]
-            maps = [answer for answer in maps if answer[0].run == before] or maps
+            maps = [answer for answer in maps if answer[0].run == self._world] or maps
             labs = sorted({known.lab for _, known in maps})
             if len(labs) > 1:
                 self._ending.ask(
@@ -200,7 +201,7 @@ class HostedRobot:
         bus.subscribe(keys.stop(self._robot), self._on_stop)
         bus.subscribe(keys.load(self._robot), self._on_load)
         bus.declare_alive(keys.alive(ROBOT_ROLE, self._robot))
-        bus.watch_alive(keys.alive(WORLD_ROLE, "*"), self._on_world)
+        bus.watch_alive(keys.world_alive, self._on_world)
         bus.on_transport = self._on_transport
 
     def _begin(self, envelope: wire.Envelope) -> None:
@@ -271,7 +272,8 @@ class HostedRobot:
         self._clock_news.set()
 
     def _on_disturbances(self, _key: str, message: wire.Envelope) -> None:
-        self._disturb(message.body)
+        if message.run == self._world:
+            self._disturb(message.body)
 
     def _disturb(self, told: wire.Message) -> None:
         """Take over what disturbs the radio, as the map or the world's news have it."""
@@ -317,7 +319,7 @@ class HostedRobot:
         asked = time.monotonic_ns()
         for envelope, received in await self._bus.ask(self._keys.clock, wire.AskClock(), ASK_S):
             body = envelope.body
-            if isinstance(body, wire.Clock):
+            if isinstance(body, wire.Clock) and envelope.run == self._world:
                 self._clock.sample(body.state, asked, body.arrived, body.stamp, received)
 
     # -- what goes out ----------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from typing import Any, Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
-from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
+from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
 from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 from rmr_world.incarnations import with_lost_jobs
@@ -97,7 +97,7 @@ class StatusMonitor:
         bus.subscribe(self._keys.statuses, self._status, whole=True)
         bus.subscribe(self._keys.truth, self._truth)
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
-        bus.watch_alive(self._keys.alive(WORLD_ROLE, "*"), self._world_alive)
+        bus.watch_alive(self._keys.world_alive, self._world_alive)
 
     @classmethod
     async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":

@@ -115,6 +115,11 @@ class Keys:
         """Return the key of what a robot, or the ``operator``, is told about new programs."""
         return f"rmr/{self.lab}/load/{who}"
 
+    @property
+    def world_alive(self) -> str:
+        """Key of the world's liveliness token."""
+        return self.alive(WORLD_ROLE, 0)
+
     def alive(self, role: str, ident: int | str) -> str:
         """Return the key of a liveliness token; ``*`` for any."""
         return f"rmr/{self.lab}/alive/{role}/{ident}"

@@ -16,7 +16,7 @@ from typing import Any
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
-from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
+from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
 from rmr.bus.middleware import LEASE_MS
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
@@ -173,7 +173,7 @@ class WorldServer:
         bus.serve(keys.clock, self._answer_clock)
         bus.serve(keys.disturbances, self._answer_disturbances)
         bus.watch_alive(keys.alive(ROBOT_ROLE, "*"), self._on_alive)
-        bus.declare_alive(keys.alive(WORLD_ROLE, 0))
+        bus.declare_alive(keys.world_alive)
 
     def _start(self) -> None:
         self._time.start(time.monotonic_ns(), START_DELAY)

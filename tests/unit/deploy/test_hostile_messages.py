@@ -19,7 +19,7 @@ import pytest
 import zenoh
 from rich.console import Console
 
-from rmr.base.time import NS_PER_S
+from rmr.base.time import NS_PER_S, seconds
 from rmr.base.values import Robot, Symbol
 from rmr.bus import wire
 from rmr.bus.keys import last_id
@@ -275,8 +275,35 @@ def test_robot_that_asks_its_world_again_takes_no_answer_of_another(change):
             return [(forged, 0), (true, 0)]
 
         robot._bus.ask = ask  # type: ignore[method-assign]
-        assert await robot._join(9) is true
+        robot._world = 9
+        assert await robot._join() is true
         assert not robot._ending.asked
+
+    undisturbed(scene)
+
+
+def test_robot_takes_lab_time_and_disturbances_from_its_own_world_alone():
+    news = wire.Disturbances("dash", 0, (Disturbance(0, seconds(9), loss=0.5),), 1, "")
+
+    async def scene() -> None:
+        robot = hosted(Process(1), MAP)
+        robot._world = 9
+        told = []
+        robot._disturb = told.append  # type: ignore[method-assign]
+
+        async def ask(*_: Any) -> list[tuple[wire.Envelope, int]]:
+            now = time.monotonic_ns()
+            answers = [(9, wire.Clock("running", 50, 50)), (4, wire.Clock("running", seconds(7000), seconds(7000)))]
+            return [(wire.Envelope(wire.WORLD_ID, run, 1, clock), now) for run, clock in answers]
+
+        robot._bus.ask = ask  # type: ignore[method-assign]
+        for _ in range(3):
+            await robot._ask_time()
+        assert robot._clock.running
+        assert robot._clock.at(time.monotonic_ns()) < seconds(60)
+        for run in (4, 9):
+            robot._on_disturbances("", wire.Envelope(wire.WORLD_ID, run, 2, news))
+        assert told == [news]
 
     undisturbed(scene)
 
