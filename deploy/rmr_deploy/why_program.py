@@ -33,7 +33,8 @@ def _instant(text: str) -> int:
 def _declare(parser: "Parser") -> None:
     from rmr.entry.command_line import whole
 
-    parser.positional("where", "RUN", read=str, help="A run folder, its run.mcap, or a robot of the lab that runs.")
+    told = "A run folder, its run.mcap, or a robot of the lab that runs."
+    parser.positional("where", "RUN", read=str, count="?", usage="RUN", help=told)
     parser.positional(
         "fact", "FACT", read=str, count="?", usage="[FACT]", help="Such as 'at(@4, exit)'; with --missed crossing@3."
     )

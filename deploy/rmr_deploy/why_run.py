@@ -26,7 +26,7 @@ from rmr_world.run_warnings import position_warnings
 
 
 def perform(
-    where: str,
+    where: str | None,
     fact: str | None,
     absent: bool,
     at: Instant | None,
@@ -39,8 +39,8 @@ def perform(
     lab: str | None = None,
 ) -> int:
     """Answer the question; return the exit code."""
-    if "(" in where and not Path(where).exists():
-        again = f"rmr why RUN {shlex.quote(where)}"
+    if where is None or ("(" in where and not Path(where).exists()):
+        again = f"rmr why RUN {'--missed' if missed else 'FACT' if where is None else shlex.quote(where)}"
         raise CommandLineError(f"RUN is missing, the run folder, which each run names at its end: {again}")
     if missed:
         for name, given in (("--not", absent), ("--dot", as_dot), ("--more", more is not None)):

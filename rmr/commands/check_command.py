@@ -41,10 +41,9 @@ def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None,
         given = {"--json": as_json, "--explain": explain, "--no-code": no_code}
         flags = [flag for flag, is_given in given.items() if is_given]
         options = [*flags, *([] if svg is None else ["--svg", os.fspath(svg)])]
-        from rmr.commands.subcommands import PROGRAMS, OtherPackage
+        from rmr.commands.subcommands import OtherPackage
 
-        lab = OtherPackage(PROGRAMS["lab"][0])
-        return lab.main(["check", *options, "--", *map(os.fspath, programs)], "rmr lab")
+        return OtherPackage("rmr_lab.main:check_main").main([*options, "--", *map(os.fspath, programs)], "rmr check")
     from rmr.lang.compiler import compile_file
 
     compilations = [compile_file(path) for path in programs]

@@ -240,7 +240,7 @@ def merged(files: Sequence[Path], folder: Path) -> Recording:
         except RecordingError as error:
             problems.append(str(error))
     if not parts:
-        why = "; ".join(problems) or "it was made without one (--no-record), or is no run folder"
+        why = "; ".join(problems) or _no_files(folder)
         raise RecordingError(f"{folder}: no recording of a run: {why}")
     parts.sort(key=lambda part: (part.about.process != WORLD_PROCESS, part.scan.name))
     own = [part for part in parts if part.about.same_run(parts[0].about)]
@@ -249,6 +249,18 @@ def merged(files: Sequence[Path], folder: Path) -> Recording:
     problems += missing_parts(own)
     first = own[0]._replace(about=replace(own[0].about, process="joined"))
     return Recording([first, *own[1:]], problems)
+
+
+def _no_files(folder: Path) -> str:
+    """Say why a folder may hold no recording, and which one is meant where it holds the folders of runs."""
+    try:
+        runs = [each for each in folder.iterdir() if (each / RUN_FILE).is_file() or part_files(each)]
+        newest = max(runs, key=lambda run: run.stat().st_mtime, default=None)
+    except OSError:
+        newest = None
+    if newest is None:
+        return "it was made without one (--no-record), or is no run folder"
+    return f"it holds the folders of runs; name one, such as {newest}, the newest"
 
 
 def robots_of(part: RecordingPart) -> list[int]:

@@ -136,7 +136,7 @@ def test_a_group_without_a_subcommand_lists_them_and_ends_as_wrong_usage(name):
     assert all(re.search(rf"^  {word} ", answer.stderr, re.MULTILINE) for word in GROUPS[name].commands)
 
 
-@pytest.mark.parametrize("name", ["rmr up", "rmr sim", "rmr lab check"])
+@pytest.mark.parametrize("name", ["rmr up", "rmr sim", "rmr check", "rmr lab check"])
 def test_a_misspelt_lab_gets_a_near_miss(name):
     answer = call(name, "coridor")
     assert answer.exit_code == 2

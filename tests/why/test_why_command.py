@@ -152,6 +152,10 @@ def test_missing_run_and_missing_lab_that_runs_are_told(tmp_path, monkeypatch):
             "RUN is missing, the run folder, which each run names at its end: rmr why RUN 'at(@2, exit)'"
         )
         assert code == 2
+    for words, again in (([], "FACT"), (["--missed"], "--missed")):
+        sentence, code = told(*words)
+        assert sentence == f"RUN is missing, the run folder, which each run names at its end: rmr why RUN {again}"
+        assert code == 2
     sentence, code = told("4", "at(@4, exit)")
     assert "robot 4: no lab runs on this machine" in sentence
     assert code == 2

@@ -35,7 +35,7 @@ def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, no
     return perform(paths, as_json=as_json, explain=explain, svg=svg, execute=not no_code)
 
 
-_CHECK = Command(
+check = Command(
     """\
 Check LAB, a lab.yaml, its folder or a provided lab, and all that is judged before it runs.
 
@@ -176,7 +176,7 @@ def _entry(summary: str, command: Runnable) -> Subcommand:
 command = CommandGroup(
     "Check, draw, list and copy labs; print the schema of the lab file.",
     {
-        "check": _entry("Check labs and their programs; draw them.", _CHECK),
+        "check": _entry("Check labs and their programs; draw them.", check),
         "schema": _entry("Print the JSON Schema of the lab file.", _SCHEMA),
         "list": _entry("List the provided labs.", _LIST),
         "copy": _entry("Copy a provided lab into a folder of your own.", _COPY),

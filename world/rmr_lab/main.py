@@ -8,8 +8,13 @@ from rmr.entry.command_line import Runnable
 
 
 def main(words: Sequence[str] | None = None, name: str = "rmr lab") -> int:
-    """Run the command `name`; return its exit code. `rmr check LAB` is `rmr lab check LAB`."""
+    """Run the command `name`; return its exit code."""
     return run(name, lambda: _carry_out("command", words, name))
+
+
+def check_main(words: Sequence[str] | None = None, name: str = "rmr check") -> int:
+    """Check labs, as `rmr lab check` does, in the name of the command that was given; return the exit code."""
+    return run(name, lambda: _carry_out("check", words, name))
 
 
 def new_main(words: Sequence[str] | None = None, name: str = "rmr new") -> int:

@@ -30,6 +30,16 @@ def test_info_lists_channels_and_attachments(run):
     assert "robots-3.mcap: the file was cut short" in answer.stderr
 
 
+def test_the_folder_that_holds_the_folders_of_runs_is_none_of_a_run_and_the_newest_is_named(run):
+    assert "is no run folder" in record("info", run.parent / "nothing").stderr + record("info", run / "record").stderr
+    answer = record("info", run.parent)
+    assert answer.exit_code == 3
+    assert answer.stderr == (
+        f"rmr record info: {run.parent}: no recording of a run: it holds the folders of runs; name one, such as {run}, "
+        "the newest\n"
+    )
+
+
 def test_info_as_json_is_one_document(run):
     found = json.loads(record("info", run, "--json").stdout)
     assert found["channels"] == {"/trace": {"messages": 900, "octets": found["channels"]["/trace"]["octets"]}}
