@@ -226,3 +226,11 @@ def test_who_looks_at_the_faults_when_the_run_ends_is_shown_the_chosen_robot(sho
     until(lambda: page.page.get_by_role("tab", name="Faults").count() == 0, "faults cannot be added any more")
     panel = page.page.locator("#panel")
     until(lambda: "!due(@5, 34.0)" in panel.inner_text(), "what robot 5 knows")
+
+
+def test_a_drive_under_way_reaches_to_the_present_while_nothing_new_is_recorded(shown, visit):
+    run = shown("testbed", control=True)
+    page = visit(run.address)
+    drive = """() => window.__rmr.state.timeline?.lanes.flatMap((lane) => lane.actions).find((one) => one.open)"""
+    under_way = until(lambda: page.ask(drive), "an action is under way")
+    assert under_way["end_s"] >= under_way["begin_s"]

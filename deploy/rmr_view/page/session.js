@@ -154,9 +154,9 @@ async function renewTimeline() {
   timelineTook = performance.now() - timelineAsked;
 }
 
-/** Intervals that reach to the present, or to the end of the run, hold there; `known` is older than the answer. */
+/** Intervals and actions that reach to the present, or to the end of the run, hold there; `known` is older than the answer. */
 function markOpen(timeline, known) {
-  for (const lane of timeline.lanes) for (const one of lane.intervals) one.open = one.end_s >= known;
+  for (const lane of timeline.lanes) for (const one of [...lane.intervals, ...lane.actions]) one.open = one.end_s >= known;
   for (const one of timeline.leaders) if (one.end_s >= known) one.end_s = null;
 }
 

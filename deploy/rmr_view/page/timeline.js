@@ -276,7 +276,7 @@ export class Timeline {
   drawActions(c, place, lane, inset) {
     for (const one of freeActions(lane)) {
       const begin = Math.max(GUTTER, this.px(one.begin_s));
-      const end = Math.min(this.width, this.px(one.until_s));
+      const end = Math.min(this.width, this.px(Math.min(one.until_s, this.source.end)));
       if (end < GUTTER || begin > this.width) continue;
       const [y, wide, tall] = [this.top(place) + inset, Math.max(1, end - begin - 1), this.lane - 2 * inset];
       c.fillStyle = faded(one.failure ? ALERT : robotColour(lane.robot), 0.4);
@@ -440,7 +440,7 @@ export class Timeline {
     for (const one of lane ? freeActions(lane) : []) {
       if (one.begin_s > t || t > one.until_s) continue;
       const failed = one.failure ? `, failed: ${one.failure}` : "";
-      lines.push(`Robot ${robot} ${one.action}: ${clockText(one.begin_s)} to ${clockText(one.end_s)}${failed}`);
+      lines.push(`Robot ${robot} ${one.action}: ${clockText(one.begin_s)} to ${one.open ? "now" : clockText(one.end_s)}${failed}`);
     }
     if (robot !== null && leadersAt(timeline, t).has(robot)) lines.push(`Robot ${robot} leads`);
     for (const fault of timeline.faults ?? []) {
@@ -460,7 +460,8 @@ function freeActions(lane) {
     const during = (t) => turns.some((one) => one.begin_s <= t && (t < one.end_s || one.open));
     const next = (t) => turns.find((one) => one.begin_s > t)?.begin_s ?? Infinity;
     const begun = lane.actions.filter((one) => !during(one.begin_s));
-    free.set(lane, begun.map((one) => ({ ...one, until_s: Math.min(one.end_s, next(one.begin_s)) })));
+    const over = (one) => (one.open ? Infinity : one.end_s);
+    free.set(lane, begun.map((one) => ({ ...one, until_s: Math.min(over(one), next(one.begin_s)) })));
   }
   return free.get(lane);
 }
