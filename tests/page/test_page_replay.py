@@ -152,6 +152,11 @@ def test_keys_play_seek_choose_and_help(page):
     until(lambda: page.state("selected") is None, "no robot")
     page.press("?")
     assert page.page.get_by_role("dialog", name="Keys").is_visible()
+    signs = page.page.locator("dialog .signs").inner_text()
+    assert all(word in signs for word in ("asks", "waits", "claims", "inside", "drives", "stalled", "dead", "stopped"))
+    box = page.page.locator("dialog").bounding_box()
+    assert box["y"] >= 0
+    assert box["y"] + box["height"] <= 800, "all of it is in sight, or scrolls"
     page.press("Escape")
     until(lambda: not page.page.locator("dialog").is_visible(), "the help is closed")
     page.press("e")
@@ -253,6 +258,8 @@ def test_logs_are_filtered_by_robot_level_and_text(page):
     filters.nth(0).select_option("3")
     until(lambda: set(page.page.locator(".loglines .badge").all_inner_texts()) == {"3"}, "of robot 3 alone")
     few = lines.count()
+    panel, field = (page.page.locator(each).bounding_box() for each in ("#panel", ".filters input"))
+    assert field["x"] + field["width"] <= panel["x"] + panel["width"], "the field for text is within the panel"
     filters.nth(1).select_option("debug")
     until(lambda: lines.count() > few, "more with debug")
     page.page.get_by_placeholder("text").fill("enters")

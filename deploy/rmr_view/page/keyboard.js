@@ -122,6 +122,10 @@ export function Help() {
       <div><dt><i class="lane waiting"></i></dt><dd>waits for its turn</dd></div>
       <div><dt><i class="lane claiming"></i></dt><dd>claims its turn</dd></div>
       <div><dt><i class="lane inside"></i></dt><dd>is inside</dd></div>
+      <div><dt><i class="lane action"></i></dt><dd>drives or does what the bar names, outside of turns</dd></div>
+      <div><dt><i class="lane stalled"></i></dt><dd>is stalled: its process does not run</dd></div>
+      <div><dt><i class="lane dead"></i></dt><dd>is dead</dd></div>
+      <div><dt><i class="lane stopped"></i></dt><dd>was stopped</dd></div>
     </dl>
   </dialog>`;
 }
