@@ -184,7 +184,7 @@ class _Parser:
     def _endless(self, first: Token, word: Token, count: int) -> None:
         if count <= ITEM_WORDS_MAX:
             span = Span(self._source.file, first.start, word.end)
-            self._found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", span)
+            self._found.report("E004", f"brackets or signs are nested more than {NESTING_MAX} deep", span)
         self._skip(first, word, word, count)
 
     # ---- habits from other languages

@@ -254,6 +254,12 @@ def test_deep_nesting_is_an_error_and_never_a_recursion(deep):
     assert errors(f"p(R), X = {text} -o q(R, X). r(R, Y).") == ["E004", "E023"]
 
 
+def test_signs_without_an_end_are_not_told_as_brackets_alone():
+    source = f"p(R), X = {'-' * 64_000}1 -o q(R, X)."
+    [found] = [each for each in compile_source(source).errors if each.code == "E004"]
+    assert found.message == f"brackets or signs are nested more than {NESTING_MAX} deep"
+
+
 def test_nesting_within_the_bound_compiles():
     depth = NESTING_MAX - 10
     compiled(f"p(R, X), Y = {'(' * depth}X{')' * depth} -o q(R, Y + {' + '.join(['1'] * depth)}).")
