@@ -24,6 +24,7 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.active_runs import REPORT_FILE, secret_of
+from rmr_deploy.robot_orders import wait_for_start
 from rmr_deploy.run_choice import FleetError, found_run, shown
 
 ASK_S = 2.0
@@ -63,10 +64,13 @@ def perform(
     return ExitCode.OK
 
 
-def find(connect: str | None, folder: Path | None, secret: Path | None, lab: str | None) -> WorldAddress:
+def find(
+    connect: str | None, folder: Path | None, secret: Path | None, lab: str | None, verb: str = "fault"
+) -> WorldAddress:
     """Return where the world listens: as said, or that of the run that every verb means; else at the default endpoint.
 
-    There a lab listens that was started by hand. Raises FleetError.
+    There a lab listens that was started by hand. A lab that starts is waited for, and `rmr VERB` says so. Raises
+    FleetError.
     """
     if connect is not None:
         try:
@@ -80,6 +84,8 @@ def find(connect: str | None, folder: Path | None, secret: Path | None, lab: str
         raise FleetError(f"the record of the run in {shown(run.folder)} does not say where its world listens")
     if (run.folder / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
         raise FleetError(f"the run in {shown(run.folder)} is over", ExitCode.FAILED)
+    if run.launched:
+        wait_for_start(run, verb)
     return WorldAddress(run.endpoint, secret or secret_of(run.folder))
 
 

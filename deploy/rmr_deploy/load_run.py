@@ -35,6 +35,10 @@ RADIO_OCTETS_MAX: Final = 32 << 10
 """Larger programs are not distributed over the radio, where they would take minutes."""
 TICK_S: Final = 0.02
 """Longest sleep of the distributor."""
+BEGIN_S: Final = 2.0
+"""How long a load waits for lab time to begin: the world sets it less than a second ahead when all robots are ready."""
+ASK_AGAIN_S: Final = 0.05
+"""Period with which it looks."""
 
 Outcome = dict[str, Any]
 
@@ -57,7 +61,7 @@ def perform(
         return ExitCode.USAGE
     try:
         loaded = load_program(program)
-        place = find(connect, folder, secret, lab)
+        place = find(connect, folder, secret, lab, "load")
         outcome = asyncio.run(distribute(place, keys_of(lab), loaded, robots, via=via or "bus", dry=dry_run))
     except (ProgramError, LabError) as error:
         print(f"rmr load: {error}", file=sys.stderr)
@@ -113,7 +117,7 @@ async def distribute(
 ) -> Outcome:
     """Distribute `program` to `robots` (None: all of the lab); return the outcome. Raises FleetError."""
     with opened(place) as bus:
-        told = await ask_world(bus, keys, wire.AskDisturbances("list", None), place.endpoint)
+        told = await _started(bus, keys, place.endpoint)
         heard_ns = time.monotonic_ns()
         keys = Keys(told.lab) if keys.lab == ANY_LAB else keys
         roster = await _roster(bus, keys)
@@ -132,6 +136,16 @@ async def distribute(
         except LoadError as error:
             raise FleetError(str(error), ExitCode.USAGE) from None
         return await _over_bus(bus, keys, coordinator, lambda: told.stamp + time.monotonic_ns() - heard_ns)
+
+
+async def _started(bus: Bus, keys: Keys, endpoint: str) -> wire.Disturbances:
+    """Return what the world says, once lab time runs: when all robots are ready, its begin may be a moment ahead."""
+    end = time.monotonic() + BEGIN_S
+    while True:
+        told = await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)
+        if told.stamp >= 0 or time.monotonic() > end:
+            return told
+        await asyncio.sleep(ASK_AGAIN_S)
 
 
 async def _roster(bus: Bus, keys: Keys) -> list[int]:

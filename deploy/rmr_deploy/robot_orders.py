@@ -76,7 +76,7 @@ def give_order(
     if not run.launched:
         raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
     if verb != "start":
-        _wait_for_start(run, NAMES.get(verb, verb))
+        wait_for_start(run, NAMES.get(verb, verb))
     code = ExitCode.OK
     more: dict[str, float] = {**(lengths or {}), **({} if signal is None else {"signal": signal})}
     for robot in robots:
@@ -93,7 +93,7 @@ def give_order(
     return code
 
 
-def _wait_for_start(run: LaunchedRun, verb: str) -> None:
+def wait_for_start(run: LaunchedRun, verb: str) -> None:
     """Wait until all robots of `run` have been ready. Raises FleetError if it is over before, or takes too long."""
     end = time.monotonic() + START_S
     waiting = False

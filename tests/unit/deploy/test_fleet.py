@@ -249,6 +249,22 @@ def test_order_waits_until_the_lab_has_started(start, tmp_path):
         order.wait()
 
 
+def test_what_is_asked_of_the_world_waits_until_the_lab_has_started(start, tmp_path):
+    run = starting(start("roam", "late"))
+    told = tmp_path / "told"
+    with told.open("w") as sink:
+        order = subprocess.Popen([sys.executable, "-P", "-m", "rmr_deploy.fault", "list"], stdout=sink, stderr=sink)
+    try:
+        eventually(lambda: "rmr fault: lab standin is starting: waiting until its robots" in told.read_text())
+        assert order.poll() is None
+        run.release()
+        assert order.wait(60) == 1
+        assert "no lab's world answers at" in told.read_text(), "the stand-in has none"
+    finally:
+        order.kill()
+        order.wait()
+
+
 @pytest.mark.parametrize("first", ["roam", "deaf"])  # with the latter the launcher takes seconds to end
 def test_order_to_a_lab_that_is_over_before_it_has_started_says_so(start, tmp_path, first):
     run = starting(start(first, "late"))
