@@ -20,6 +20,7 @@ from rmr.mind.mind_log import MindLog
 from rmr.node.actions.dispatcher import Handler, failure_of, kind_of
 from rmr.node.actions.handle import Pause
 from rmr.node.actions.node_handle import NodeHandle
+from rmr.vm.provenance import Cause
 
 
 def recorded_handlers(handlers: Mapping[str, Handler], log: MindLog) -> Mapping[str, Handler]:
@@ -196,15 +197,15 @@ class RecordedServices:
         self._log.add(steps.HALT)
         self._robot.node.halt()
 
-    def insert(self, now: Instant, name: str, args: Sequence[Value], by: object = None) -> None:
+    def insert(self, now: Instant, name: str, args: Sequence[Value], cause: Cause) -> None:
         """Insert a fact."""
         self._log.add(steps.INSERT, steps.as_value(name), [steps.as_value(arg) for arg in args])
-        self._robot._node.insert(now, name, args, by)
+        self._robot._node.insert(now, name, args, cause)
 
-    def withdraw(self, now: Instant, name: str, args: Sequence[Value], by: object = None) -> None:
+    def withdraw(self, now: Instant, name: str, args: Sequence[Value], cause: Cause) -> None:
         """Withdraw a sensed fact."""
         self._log.add(steps.WITHDRAW, steps.as_value(name), [steps.as_value(arg) for arg in args])
-        self._robot._node.withdraw(now, name, args, by)
+        self._robot._node.withdraw(now, name, args, cause)
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something in the trace."""

@@ -108,8 +108,8 @@ class ReplayedAction:
         calls: dict[str, Callable[..., object]] = {
             steps.DRIVE: node.drive,
             steps.HALT: node.halt,
-            steps.INSERT: lambda name, args: node.insert(node.now, name, args, self._robot._action),
-            steps.WITHDRAW: lambda name, args: node.withdraw(node.now, name, args, self._robot._action),
+            steps.INSERT: lambda name, args: node.insert(node.now, name, args, self._robot._action.cause),
+            steps.WITHDRAW: lambda name, args: node.withdraw(node.now, name, args, self._robot._action.cause),
             steps.TRACE: lambda what, names, given: node.trace(node.now, what, **dict(zip(names, given, strict=True))),
             steps.STEP: self._begin_step,
             steps.NEXT: lambda step: self._go_on(step, next),

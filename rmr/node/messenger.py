@@ -19,6 +19,7 @@ from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.presence import Presence, decode_hello_cached
 from rmr.node.ports import RadioPort, Received, Spoken
 from rmr.node.robot_state import RobotState
+from rmr.vm.provenance import DeliveredCause
 
 UNNAMED_FAILURE: Final = "broadcast"
 """Name told to the program of a failure broadcast that no missed deadline derived."""
@@ -177,7 +178,7 @@ class Messenger:
             if not body:  # held back while the program changed, and the new one has no use for it
                 continue
             try:
-                self.deliveries.arrived(now, body, arrival.source)
+                self.deliveries.arrived(now, body, DeliveredCause(*arrival[:3]))
             except WireError as error:
                 self._malformed(now, arrival.source, error)
 

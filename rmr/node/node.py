@@ -136,17 +136,13 @@ class Node:
         self.machine.start(now)
         life = shared_of(self.program).life
         if life is not None:
-            if self.state.provenance is not None:
-                self.state.provenance.because(GivenCause("robot"))
-            self.machine.insert(now, life, (self.config.epoch,))
+            self.machine.insert(now, life, (self.config.epoch,), GivenCause("robot"))
             self._restarted(now)
         self._state_roster(now)
         for name, owner, args in self.config.facts:
             if owner is None or owner == self.robot:
-                if self.state.provenance is not None:
-                    self.state.provenance.because(GivenCause("lab"))
                 with suppress(ValueError) if self.state.changes else nullcontext():  # the lab's facts fit its program
-                    self.insert(now, name, args)
+                    self.services.insert(now, name, args, GivenCause("lab"))
         self._presence.start(now)
         self.next_wake = now
 
@@ -164,9 +160,7 @@ class Node:
             return
         for other in self.config.roster:
             if other != self.robot:
-                if self.state.provenance is not None:
-                    self.state.provenance.because(GivenCause("robot"))
-                self.machine.insert(now, predicate, (Robot(other),))
+                self.machine.insert(now, predicate, (Robot(other),), GivenCause("robot"))
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
         """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""

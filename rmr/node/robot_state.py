@@ -49,7 +49,7 @@ class RobotState:
         self.machine = new_machine(
             program, config.robot, choices, engine=config.engine, trace=traced, log=config.provenance
         )
-        self.senses = SensedFacts(program, self.machine, config.provenance)
+        self.senses = SensedFacts(program, self.machine)
         self.finish = FinishFact(config.finish, program, self.machine, self.senses)
         self.peers: Peers = Peers(_links(config)) if before is None else before.peers
         self.driver: Driver | None = None if body is None else Driver(config, body)

@@ -27,7 +27,7 @@ from rmr.node.parts import Radio
 from rmr.node.peers.perception import LostRobot, Percept
 from rmr.node.peers.presence import Presence
 from rmr.node.robot_state import RobotState
-from rmr.vm.provenance import HandlerCause
+from rmr.vm.provenance import OUTSIDE, Cause
 
 NO_WHEELS: Final = "the robot has no wheels"
 
@@ -82,21 +82,19 @@ class RobotServices:
         """Record an entry of the trace (`rmr.node.trace`)."""
         self._robot_state.trace(now, what, **fields)
 
-    def insert(self, now: Instant, name: str, args: Sequence[Value], by: RunningAction | None = None) -> None:
-        """Insert a fact of this robot from outside, or `by` the handler of an action.
+    def insert(self, now: Instant, name: str, args: Sequence[Value], cause: Cause = OUTSIDE) -> None:
+        """Insert a fact of this robot from outside, or by what `cause` names.
 
         Raises ValueError when the program does not know it.
         """
         index = self.program.index(name)
         if index is None:
             raise ValueError(f"the program knows no predicate {name}")
-        if by is not None and self._robot_state.provenance is not None:
-            self._robot_state.provenance.because(HandlerCause(by.serial))
-        self._robot_state.machine.insert(now, index, tuple(args))
+        self._robot_state.machine.insert(now, index, tuple(args), cause)
         self._robot_state.mark_dirty()
 
-    def withdraw(self, now: Instant, name: str, args: Sequence[Value], by: RunningAction) -> None:
-        """Withdraw a sensed fact of this robot by the handler of an action; nothing happens if it does not hold.
+    def withdraw(self, now: Instant, name: str, args: Sequence[Value], cause: Cause) -> None:
+        """Withdraw a sensed fact of this robot, as the handler of an action does; nothing happens if it does not hold.
 
         Raises ValueError when the program does not know it, it is not sensed, or the robot itself senses it.
         """
@@ -106,9 +104,7 @@ class RobotServices:
         provided = PREDICATES.get(name)
         if provided is not None and provided.sensed:
             raise ValueError(f"{name} is withdrawn by the robot itself, as what it senses changes")
-        if self._robot_state.provenance is not None:
-            self._robot_state.provenance.because(HandlerCause(by.serial))
-        self._robot_state.machine.withdraw(now, index, tuple(args))
+        self._robot_state.machine.withdraw(now, index, tuple(args), cause)
         self._robot_state.mark_dirty()
 
     def broadcast_failure(self, assertion: int | None) -> None:

@@ -35,6 +35,7 @@ from rmr.vm.machine_events import (
 )
 from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
+from rmr.vm.provenance import OUTSIDE, Cause, DeliveredCause, EffectCause, GivenCause, OutsideCause
 from rmr.vm.ranks import goal_key, here
 from rmr.vm.store import Args
 from rmr.vm.subgoals import Purpose
@@ -111,40 +112,49 @@ class Machine(Parts):
         """Insert the facts, then the goals, that the program states for this robot."""
         shared = self._shared
         if shared.number is not None:
-            self.insert(now, shared.number, (int(self.robot),))
+            self.insert(now, shared.number, (int(self.robot),), GivenCause("robot"))
         self._insert_all(now, shared.facts(self.robot))
         for goal in self.program.goals:
             if goal.owner is None or goal.owner == self.robot:
                 self._want(now, goal.predicate, goal.args)
 
-    def insert(self, now: Instant, predicate: int, args: Args) -> None:
+    def insert(self, now: Instant, predicate: int, args: Args, cause: Cause = OUTSIDE) -> None:
         """Insert a fact from outside, of any kind; a sensed or persistent fact that already holds changes nothing.
+
+        `cause`, as of every input, is written down by a machine that logs provenance, and ignored by all others.
 
         Raises:
             ValueError: `args` (without the owner) are not what the predicate declares.
         """
-        self._arrive(now)
+        self._arrive(now, cause)
         self._insert(now, predicate, self._shared.gate.fact(predicate, args))
 
-    def want(self, now: Instant, predicate: int, args: tuple[Value | Pattern, ...]) -> None:
+    def want(self, now: Instant, predicate: int, args: tuple[Value | Pattern, ...], cause: Cause = OUTSIDE) -> None:
         """Open a goal from outside; ANY among `args` matches anything.
 
         Raises:
             ValueError: `args` (without the owner) are not what the predicate declares.
         """
-        self._arrive(now)
+        self._arrive(now, cause)
         self._want(now, predicate, self._shared.gate.goal(predicate, args))
 
-    def withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+    def withdraw(self, now: Instant, predicate: int, args: Args, cause: Cause = OUTSIDE) -> None:
         """Remove a sensed fact that no longer holds; nothing happens if it does not hold.
 
         Raises:
             ValueError: the predicate is not sensed, or `args` are not what it declares.
         """
-        self._arrive(now)
+        self._arrive(now, cause)
         self._withdraw(now, predicate, self._shared.gate.sensed(predicate, args))
 
-    def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
+    def derive_action(
+        self,
+        now: Instant,
+        predicate: int,
+        args: Args,
+        origin: tuple[int, int] | None = None,
+        cause: Cause = OUTSIDE,
+    ) -> None:
         """Accept an action that another robot derived for this one.
 
         `origin` is the robot that waits for the action's end, and the action's serial there.
@@ -152,18 +162,26 @@ class Machine(Parts):
         Raises:
             ValueError: `args` (without the executor) are not what the action declares.
         """
-        self._arrive(now)
+        self._arrive(now, cause)
         args = self._shared.gate.action(predicate, args)
         self._act(now, predicate, self.robot, args, (), origin)
 
-    def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
+    def complete(
+        self,
+        now: Instant,
+        serial: int,
+        ok: bool,
+        executor: int | None = None,
+        news: DeliveredCause | OutsideCause = OUTSIDE,
+    ) -> bool:
         """End an action: insert its effects or, if it failed, its else effects; then derive the next step of its chain.
 
         The effects are inserted by the robot that executed the action. `executor` is the robot that reports the end
         (None: accept the report without this check). Returns False if the action is not under way, or another robot
-        executes it. Effects on sensed predicates are left to the sensors. A failure drops the rest of the chain.
+        executes it. Effects on sensed predicates are left to the sensors. A failure drops the rest of the chain. `news`
+        is how the end became known.
         """
-        self._arrive(now)
+        self._arrive(now, EffectCause(serial, ok, news))
         awaited = self._under_way.end(serial, executor)
         if awaited is None:
             return False
@@ -187,7 +205,7 @@ class Machine(Parts):
         Raises:
             ValueError: `watcher` can have no such job, or the fact is not this robot's.
         """
-        self._arrive(now)
+        self._arrive(now, OUTSIDE)
         seen = self._watches.ask(now, watcher, assertion, start_args, since)
         if seen is not None:
             self._events.append(seen)
@@ -198,7 +216,7 @@ class Machine(Parts):
         Raises:
             ValueError: there is no such assertion, or `args` are not what its finish fact declares.
         """
-        self._arrive(now)
+        self._arrive(now, OUTSIDE)
         if not 0 <= assertion < len(self.program.assertions):
             raise ValueError(f"there is no assertion {assertion}")
         args = self._shared.gate.fact(self.program.assertions[assertion].finish.predicate, args)
@@ -330,8 +348,8 @@ class Machine(Parts):
         for predicate, args in facts:
             self._insert(now, predicate, args)
 
-    def _arrive(self, now: Instant) -> None:
-        """Handle the deadlines before `now`, ahead of an input at `now`."""
+    def _arrive(self, now: Instant, cause: Cause) -> None:  # noqa: ARG002
+        """Handle the deadlines before `now`, ahead of an input at `now`; `cause` is for `ObservedMachine` alone."""
         self._now = now
         jobs = self._any_jobs
         if jobs is not None and jobs.due < now:

@@ -21,7 +21,6 @@ from rmr.vm.provenance import (
     ActionRecord,
     Cause,
     ChainOrigin,
-    DeliveredCause,
     EffectCause,
     FiringCause,
     FiringRecord,
@@ -30,7 +29,6 @@ from rmr.vm.provenance import (
     InsertionRecord,
     JobRecord,
     MissedCause,
-    OutsideCause,
     ProvenanceLog,
     RemovalRecord,
     Rival,
@@ -63,52 +61,13 @@ class ObservedMachine(Interpreted):
 
     # Input from the host
 
-    def start(self, now: Instant) -> None:
-        """Insert the facts, then the goals, that the program states for this robot."""
-        self._log.because(GivenCause("robot"))  # of the robot's number, which is inserted first if it is used
-        super().start(now)
-        self._log.cause()
-
     def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
         self._because = GivenCause("program")
         super()._insert_all(now, facts)
 
-    def insert(self, now: Instant, predicate: int, args: Args) -> None:
-        """Insert a fact from outside. Raises ValueError as `Machine.insert` does."""
-        self._because = self._log.cause()
-        super().insert(now, predicate, args)
-
-    def want(self, now: Instant, predicate: int, args: tuple[object, ...]) -> None:
-        """Open a goal from outside. Raises ValueError as `Machine.want` does."""
-        self._because = self._log.cause()
-        super().want(now, predicate, args)  # type: ignore[arg-type]
-
-    def withdraw(self, now: Instant, predicate: int, args: Args) -> None:
-        """Remove a sensed fact. Raises ValueError as `Machine.withdraw` does."""
-        self._because = self._log.cause()
-        super().withdraw(now, predicate, args)
-
-    def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
-        """Accept an action of another robot. Raises ValueError as `Machine.derive_action` does."""
-        self._because = self._log.cause()
-        super().derive_action(now, predicate, args, origin)
-
-    def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
-        """End an action; return False if it is not under way."""
-        news = self._log.cause()
-        assert isinstance(news, DeliveredCause | OutsideCause)
-        self._because = EffectCause(serial, ok, news)
-        return super().complete(now, serial, ok, executor)
-
-    def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
-        """Watch for a finish fact. Raises ValueError as `Machine.await_finish` does."""
-        self._log.cause()
-        super().await_finish(now, watcher, assertion, start_args, since)
-
-    def finish_seen(self, now: Instant, source: int, assertion: int, args: Args, at: Instant) -> bool:
-        """End the jobs that wait for a finish fact. Raises ValueError as `Machine.finish_seen` does."""
-        self._log.cause()
-        return super().finish_seen(now, source, assertion, args, at)
+    def _arrive(self, now: Instant, cause: Cause) -> None:
+        self._because = cause
+        super()._arrive(now, cause)
 
     # Consequences
 

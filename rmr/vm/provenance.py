@@ -6,7 +6,7 @@ its insertion (a fact that comes back is another one), a firing by its number, a
 which its end is awaited.
 
 The machine knows the causes inside it: firings, effects of actions, steps that follow an action, missed deadlines. The
-host tells the cause of its next input before it (`because`); an input without one comes from outside.
+host passes the cause of an input with it; an input without one comes from outside.
 """
 
 from typing import NamedTuple
@@ -279,18 +279,7 @@ class ProvenanceLog:
 
     def __init__(self) -> None:
         self.records: list[ProvenanceRecord] = []
-        self._cause: Cause = OUTSIDE
         self._events: list[object] = []
-
-    def because(self, cause: Cause) -> None:
-        """State the cause of the machine's next input."""
-        self._cause = cause
-
-    def cause(self) -> Cause:
-        """Return the cause of the present input; the next one is from outside unless a cause is stated."""
-        cause = self._cause
-        self._cause = OUTSIDE
-        return cause
 
     def keep(self, event: object) -> int:
         """Return an event's identity, which no other event of the run has: the event is kept."""

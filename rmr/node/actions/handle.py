@@ -63,6 +63,10 @@ class HandledAction(Protocol):
     def uses_wheels(self) -> bool:
         """Whether it drives."""
 
+    @property
+    def cause(self) -> object:
+        """Of what its handler inserts and withdraws."""
+
 
 class RobotHandle:
     """What an action may do with its robot."""
@@ -161,14 +165,14 @@ class RobotHandle:
 
     def insert(self, predicate: str, *args: Value) -> None:
         """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
-        self._node.insert(self._now(), predicate, args, self._running)
+        self._node.insert(self._now(), predicate, args, self._running.cause)
 
     def withdraw(self, predicate: str, *args: Value) -> None:
         """Withdraw a sensed fact of this robot, one of a predicate that the program declares with ``type sensor``.
 
         Nothing happens if it does not hold. Raises ValueError when it does not fit, or the robot itself senses it.
         """
-        self._node.withdraw(self._now(), predicate, args, self._running)
+        self._node.withdraw(self._now(), predicate, args, self._running.cause)
 
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""

@@ -179,9 +179,7 @@ class Deliveries:
 
     def _stands(self, now: Instant, sent: SentKey, predicate: int, args: Args) -> None:
         """Tell the program that the decision which it has sent is known to the receiver."""
-        if self._state.provenance is not None:
-            self._state.provenance.because(StandsCause(sent))
-        self._machine.insert(now, predicate, (Robot(sent.destination), *args))
+        self._machine.insert(now, predicate, (Robot(sent.destination), *args), StandsCause(sent))
 
     def _give_up(
         self, now: Instant, destination: int, delivery: Delivery, why: str, sent: SentKey | None = None
@@ -208,15 +206,17 @@ class Deliveries:
             return
         args: tuple[Value, ...] = Robot(cause.destination), Symbol(cause.name)
         args = args[: len(program.predicates[index].types)]
-        if self._state.provenance is not None:
-            self._state.provenance.because(cause)
         with suppress(ValueError):  # the program means something else by the name
-            self._machine.insert(now, index, args)
+            self._machine.insert(now, index, args, cause)
 
     # -- what arrives -----------------------------------------------------------------------------------------
 
-    def arrived(self, now: Instant, body: bytes, source: int) -> None:
-        """Take up a delivery. Raises WireError for one that no robot of this program sends."""
+    def arrived(self, now: Instant, body: bytes, cause: DeliveredCause) -> None:
+        """Take up a delivery, which is the `cause` of what comes of it.
+
+        Raises WireError for one that no robot of this program sends.
+        """
+        source = cause.source
         delivery = payloads.decode_delivery(body, self._symbols.names)
         try:
             name = self._name(delivery)
@@ -224,7 +224,7 @@ class Deliveries:
             raise WireError(f"the program has no number {delivery.index} of that kind") from None
         self._deadlines.arrived(now, source, delivery)
         try:
-            self._take(now, delivery, source)
+            self._take(now, delivery, cause)
         except ValueError as error:
             if delivery.role is DeliveryRole.ACTION and delivery.number:
                 self.report_end(now, (source, delivery.number), delivery.index, ok=False)
@@ -234,22 +234,22 @@ class Deliveries:
             label = name if delivery.role in ABOUT_JOBS else hidden_label(self._program, delivery.index)
             self._state.trace(now, "received", source=source, predicate=label, fact=fact)
 
-    def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
+    def _take(self, now: Instant, delivery: Delivery, cause: DeliveredCause) -> None:
         machine = self._machine
+        source = cause.source
         index = delivery.index
         args = delivery.args
-        if self._state.provenance is not None:
-            self._state.provenance.because(DeliveredCause(source, *self.exchange.last_accepted))
         match delivery.role:
             case DeliveryRole.FACT:
-                machine.insert(now, index, args)
+                machine.insert(now, index, args, cause)
             case DeliveryRole.GOAL:
-                machine.want(now, index, args)
+                machine.want(now, index, args, cause)
             case DeliveryRole.ACTION:
-                machine.derive_action(now, index, args, (source, delivery.number) if delivery.number else None)
+                origin = (source, delivery.number) if delivery.number else None
+                machine.derive_action(now, index, args, origin, cause)
             case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
                 completed = delivery.role is DeliveryRole.COMPLETED
-                machine.complete(now, delivery.number ^ self._incarnation, completed, executor=source)
+                machine.complete(now, delivery.number ^ self._incarnation, completed, source, cause)
             case DeliveryRole.FINISH_AWAITED:
                 machine.await_finish(now, source, index, args, delivery.number)
             case DeliveryRole.FINISH_SEEN:

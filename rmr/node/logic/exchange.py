@@ -184,8 +184,6 @@ class Exchange:
         self.repeated = 0
         """Deliveries sent again."""
         self.tell: Callable[[DeliveryProgress], None] = lambda _: None
-        self.last_accepted = (0, 0)
-        """Epoch and sequence number of the delivery that was handed on last."""
         self.duplicates = 0
         self.held = 0
         """Deliveries that were held back until an earlier one came."""
@@ -480,7 +478,6 @@ class Exchange:
 
     def hand_on(self, arrival: Arrival) -> bytes:
         """Take note that an arrival takes effect now; return its body."""
-        self.last_accepted = arrival.epoch, arrival.sequence
         if arrival.held:
             self.tell(DeliveryProgress(Stage.RELEASED, arrival.source, arrival.epoch, arrival.sequence))
         return arrival.body

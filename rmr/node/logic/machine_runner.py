@@ -246,16 +246,10 @@ class MachineRunner:
             return None
         if program.predicates[effect].kind is not Kind.SENSED:
             try:
-                self._because(EffectCause(running.serial, True))
-                self._machine.insert(now, effect, running.args)
+                self._machine.insert(now, effect, running.args, EffectCause(running.serial, True))
             except ValueError as error:
                 return f"its effect does not fit: {error}"
         return None
-
-    def _because(self, cause: EffectCause) -> None:
-        """State the cause of the machine's next input, where provenance is logged."""
-        if self._state.provenance is not None:
-            self._state.provenance.because(cause)
 
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args, cause: EffectCause) -> None:
         """Replace sensed facts by the effects on their predicates: a robot without a body has no sense that would."""
@@ -268,8 +262,7 @@ class MachineRunner:
             try:
                 before = self._machine.held(effect.predicate)
                 values = tuple([evaluate(code, env, now) for code in effect.args])
-                self._because(cause)
-                self._machine.insert(now, effect.predicate, values)
+                self._machine.insert(now, effect.predicate, values, cause)
             except (NoValue, ValueError) as reason:
                 self.expression_failures += 1
                 where = f"effect on {predicate.name}"
@@ -279,5 +272,4 @@ class MachineRunner:
         for index, (before, wanted) in supposed.items():
             for held in before:
                 if held not in wanted:
-                    self._because(cause)
-                    self._machine.withdraw(now, index, held)
+                    self._machine.withdraw(now, index, held, cause)

@@ -11,7 +11,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.machine import Machine
-from rmr.vm.provenance import SENSED, ProvenanceLog
+from rmr.vm.provenance import SENSED
 
 Args = tuple[Value, ...]
 
@@ -22,9 +22,8 @@ OF_SCHEDULES: Final = frozenset({"turn", "leads"})
 class SensedFacts:
     """Mirrors what a robot senses into its virtual machine."""
 
-    def __init__(self, program: Program, machine: Machine, provenance: ProvenanceLog | None = None) -> None:
+    def __init__(self, program: Program, machine: Machine) -> None:
         self._machine = machine
-        self._provenance = provenance
         self._index = {
             p.name: i
             for i, p in enumerate(program.predicates)
@@ -54,9 +53,7 @@ class SensedFacts:
         held[args] = None
         self.changed = now
         if name in self._index:
-            if self._provenance is not None:
-                self._provenance.because(SENSED)
-            self._machine.insert(now, self._index[name], args)
+            self._machine.insert(now, self._index[name], args, SENSED)
 
     def drop(self, now: Instant, name: str, args: Args) -> None:
         """State that a fact holds no more."""
@@ -66,9 +63,7 @@ class SensedFacts:
         del held[args]
         self.changed = now
         if name in self._index:
-            if self._provenance is not None:
-                self._provenance.because(SENSED)
-            self._machine.withdraw(now, self._index[name], args)
+            self._machine.withdraw(now, self._index[name], args, SENSED)
 
     def take_over(self, now: Instant, other: "SensedFacts") -> None:
         """State what holds by `other`, of another program, but for the robot's part in schedules: groups end."""

@@ -33,7 +33,8 @@ def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:
     if jobs:
         begin.append(If(f"{due} < now", (Evaluate("vm._miss(now - 1)"),)))
         end.append(If(f"{due} <= now", (Evaluate("vm._miss(now)"),)))
-    with build.function("insert", "vm", "now", "predicate", "args"):
+    # The cause of an input is for `rmr.vm.observed_machine` alone.
+    with build.function("insert", "vm", "now", "predicate", "args", "cause=None"):
         build(*begin, Evaluate("ARRIVE[predicate](vm, now, args)"))
     with build.function("run", "vm", "now"):
         build(*begin)
