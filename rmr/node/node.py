@@ -91,8 +91,7 @@ class Node:
         self._presence = Presence(state, radio, self.crossings, self.actions)
         link = self._coordination
         self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
-        log = services.action_log
-        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services.handler, log)
+        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services.handler)
         self._proximity = Proximity(state, ports.neighbors)
         runtime = RuntimeSystem(state, self.runner, self.actions, self.crossings, link, self.messenger)
         tasks = [

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 from rmr.base.time import Instant
 from rmr.bytecode.program_pair import ProgramPair
+from rmr.node.actions.action_log import ActionEnded
 from rmr.node.actions.dispatcher import NEW_PROGRAM, Dispatcher
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.executive import Executive
@@ -60,9 +61,7 @@ class NodeParts:
         self.messenger.flush(now)
         self.runner.settle(now)
         for running in self.actions.break_off():
-            text = running.text(self.state.robot)
-            self.services.action_log.end(now, text, NEW_PROGRAM, handled=True)
-            self.state.trace(now, "action_ended", action=text, failure=NEW_PROGRAM)
+            self.state.tell(ActionEnded(running.serial, running.text(self.state.robot), NEW_PROGRAM))
 
 
 def take_over(now: Instant, old: NodeParts, new: NodeParts, digest: int) -> ProgramChanged:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from rmr.base.streams import Choices
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.bytecode.program import Program
+from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionLog
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.finish import FinishFact
@@ -43,9 +44,9 @@ class RobotState:
         self.changes: int = 0 if before is None else before.changes + 1
         """How often the robot has changed its program in this life."""
         self.notes: Trace = Trace(config.robot, config.trace) if before is None else before.notes
+        self.action_log: ActionLog = ActionLog() if before is None else before.action_log
         choices = Choices(f"{config.seed}/robot{config.robot}/vm" + (f"/{self.changes}" if self.changes else ""))
         traced = config.trace is TraceLevel.FACTS
-        self.provenance = config.provenance
         self.machine = new_machine(
             program, config.robot, choices, engine=config.engine, trace=traced, log=config.provenance
         )
@@ -90,11 +91,17 @@ class RobotState:
         self.notes.note(now, what, **fields)
 
     def tell(self, event: object) -> None:
-        """Report `event` to the checkers of the run."""
+        """Report `event`: to the checkers of the run and the provenance log, of actions to report and trace as well."""
+        if isinstance(event, ActionBegun):
+            self.action_log.begun(self.now, event)
+            self.trace(self.now, "action", action=event.action)
+        elif isinstance(event, ActionEnded):
+            self.action_log.ended(self.now, event)
+            self.trace(self.now, "action_ended", action=event.action, failure=event.failure)
         if self.config.witness is not None:
             self.config.witness(self.robot, self.now, event)
-        if self.provenance is not None:
-            self.provenance.told(self.now, event)
+        if self.config.provenance is not None:
+            self.config.provenance.told(self.now, event)
 
 
 def _links(config: NodeConfig) -> LinkSensing | None:

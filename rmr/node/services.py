@@ -13,7 +13,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.provided import PREDICATES
 from rmr.node import payloads
-from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.action_log import ActionBegun
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
 from rmr.node.actions.node_handle import NodeHandle
@@ -46,7 +46,7 @@ class RobotServices:
         self.driver = state.driver
         self.state: dict[str, Any] = {}
         """What the robot's actions remember (`RobotHandle.state`)."""
-        self.action_log = ActionLog()
+        self.action_log = state.action_log
         self.blocked = ""
         """Which dead robots bar the way of the drive under way, in words; empty if none do."""
         self._robot_state = state
@@ -64,10 +64,8 @@ class RobotServices:
         self._executive = executive
 
     def take_over(self, other: "RobotServices") -> None:
-        """Go on with what the actions remember and with their log."""
+        """Go on with what the actions remember."""
         self.state = other.state
-        self.action_log = other.action_log
-        self._runner.log_to(other.action_log)
 
     @property
     def now(self) -> Instant:
@@ -114,14 +112,10 @@ class RobotServices:
     # -- actions ----------------------------------------------------------------------------------------------
 
     def handle(self, running: RunningAction) -> NodeHandle:
-        """Return the handle of an action that starts, and note the start in trace and report."""
-        text = running.text(self.robot)
-        self.action_log.begin(self.now, text)
-        self.trace(self.now, "action", action=text)
-        if self._robot_state.provenance is not None:
-            crossing = self.crossings.crossing(running)  # it may have asked at a passage only after it was held
-            words = None if crossing is None else crossing.told
-            self._robot_state.provenance.action(self.now, running.serial, "begun", words)
+        """Return the handle of an action that starts, and report the start."""
+        crossing = self.crossings.crossing(running)
+        turn = None if crossing is None else crossing.told
+        self.tell(ActionBegun(running.serial, running.text(self.robot), turn))
         return NodeHandle(self, running)
 
     def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:

@@ -30,6 +30,8 @@ class FactSent:
     predicate: int
     args: Args
     """Without the owner."""
+    number: int = 0
+    """Of what the robot sends, from 1; 0 without a provenance log."""
 
 
 @record
@@ -41,6 +43,8 @@ class GoalSent:
     predicate: int
     args: Args
     """Without the owner."""
+    number: int = 0
+    """As that of a fact."""
 
 
 @record
@@ -56,6 +60,8 @@ class ActionDerived:
     """Without the executor."""
     origin: tuple[int, int] | None = None
     """If another robot derived it and waits for its end: that robot, and the serial for its `complete`."""
+    number: int = 0
+    """Of an action of another robot: as that of a fact."""
 
 
 @record

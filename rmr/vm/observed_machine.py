@@ -5,6 +5,7 @@ is derived a second time, with a list of the inner matches, so that each derived
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
@@ -15,7 +16,7 @@ from rmr.vm.goals import GoalArgs
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.interpreter import UNRANKED
 from rmr.vm.machine import FIRING_BUDGET
-from rmr.vm.machine_events import ActionDerived, JobMissed, JobStarted
+from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, JobStarted
 from rmr.vm.match import FOLDED, Env, bind_again
 from rmr.vm.provenance import (
     ActionRecord,
@@ -42,7 +43,7 @@ from rmr.vm.store import Args, Fact
 class ObservedMachine(Interpreted):
     """An interpreted machine that writes a provenance log."""
 
-    __slots__ = ("_because", "_log")
+    __slots__ = ("_because", "_log", "_sends")
 
     def __init__(
         self,
@@ -56,6 +57,7 @@ class ObservedMachine(Interpreted):
     ) -> None:
         super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
         self._log = log
+        self._sends = 0
         self._because: Cause = GivenCause("program")
         """The cause of whatever the present input brings about."""
 
@@ -110,9 +112,12 @@ class ObservedMachine(Interpreted):
             self._sent(now, item.role, item.owner, item.predicate, item.args)
 
     def _sent(self, now: Instant, role: DerivedKind, destination: int, predicate: int, args: Args) -> None:
-        """Record that the last event is to be sent to another robot."""
-        event = self._log.keep(self._events[-1])
-        self._log.records.append(SendRecord(now, event, role, int(destination), predicate, args, self._because))
+        """Record that the last event is to be sent to another robot, and number it."""
+        event = self._events[-1]
+        assert isinstance(event, FactSent | GoalSent | ActionDerived)
+        self._sends += 1
+        self._events[-1] = replace(event, number=self._sends)
+        self._log.records.append(SendRecord(now, role, int(destination), predicate, args, self._because))
 
     def _act(
         self,

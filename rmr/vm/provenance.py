@@ -181,31 +181,17 @@ class FiringRecord(NamedTuple):
 
 
 class SendRecord(NamedTuple):
-    """A fact, goal or action of another robot was derived: the host has to send it."""
+    """A fact, goal or action of another robot was derived: the host has to send it.
+
+    The machine's event has the number of this record among its kind, from 1.
+    """
 
     at: Instant
-    event: int
-    """Identity of the machine's event, by which `SendingRecord` refers to it."""
     role: DerivedKind
     destination: int
     predicate: int
     args: Args
     cause: Cause
-
-
-class SendingRecord(NamedTuple):
-    """The host takes up an event of the machine that has to be sent; the exchange's number follows as `ToldRecord`."""
-
-    at: Instant
-    event: int
-
-
-class RefusedRecord(NamedTuple):
-    """A message that the host took up for sending cannot be sent."""
-
-    at: Instant
-    destination: int
-    why: str
 
 
 class ActionRecord(NamedTuple):
@@ -219,17 +205,6 @@ class ActionRecord(NamedTuple):
     cause: Cause
     then: Chain
     """Steps that wait for its end."""
-
-
-class ActionStage(NamedTuple):
-    """An action of this robot has reached its next state."""
-
-    at: Instant
-    serial: int
-    stage: str
-    """``held`` (for its turn), ``begun``, ``ended``."""
-    words: str | None
-    """Held: the group whose turn it awaits. Ended: the reason of the failure, None if it completed."""
 
 
 class GoalRecord(NamedTuple):
@@ -250,24 +225,14 @@ class JobRecord(NamedTuple):
 
 
 class ToldRecord(NamedTuple):
-    """An event of the host's own: progress of deliveries, schedules, jobs."""
+    """An event of the host's own: progress of actions and deliveries, schedules, jobs."""
 
     at: Instant
     event: object
 
 
 ProvenanceRecord = (
-    InsertionRecord
-    | RemovalRecord
-    | FiringRecord
-    | SendRecord
-    | SendingRecord
-    | RefusedRecord
-    | ActionRecord
-    | ActionStage
-    | GoalRecord
-    | JobRecord
-    | ToldRecord
+    InsertionRecord | RemovalRecord | FiringRecord | SendRecord | ActionRecord | GoalRecord | JobRecord | ToldRecord
 )
 
 OUTSIDE = OutsideCause()
@@ -279,24 +244,6 @@ class ProvenanceLog:
 
     def __init__(self) -> None:
         self.records: list[ProvenanceRecord] = []
-        self._events: list[object] = []
-
-    def keep(self, event: object) -> int:
-        """Return an event's identity, which no other event of the run has: the event is kept."""
-        self._events.append(event)
-        return id(event)
-
-    def sending(self, now: Instant, event: object) -> None:
-        """Note that the host takes up an event that is to be sent, or a message of its own."""
-        self.records.append(SendingRecord(now, id(event)))
-
-    def refused(self, now: Instant, destination: int, why: str) -> None:
-        """Note that a message cannot be sent."""
-        self.records.append(RefusedRecord(now, destination, why))
-
-    def action(self, now: Instant, serial: int, stage: str, words: str | None = None) -> None:
-        """Note how far an action has come."""
-        self.records.append(ActionStage(now, serial, stage, words))
 
     def told(self, now: Instant, event: object) -> None:
         """Note an event of the host."""

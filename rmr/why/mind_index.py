@@ -11,14 +11,20 @@ from rmr.bytecode.heads import inner
 from rmr.bytecode.program import ANY, Atom, Constant, Mode, Pattern, Program
 from rmr.coord.events import ScheduleChanged, SlotAssigned
 from rmr.node import payloads
-from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Stage
+from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionHeld
+from rmr.node.logic.deliveries import DeliveryRefused
+from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Sent, Stage
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.ports import Spoken
 from rmr.vm.evaluate import same
 from rmr.vm.machine_events import (
     ActionCancelled,
+    ActionDerived,
+    FactSent,
+    FinishAwaited,
     FinishSeen,
     GoalAchieved,
+    GoalSent,
     GoalWithdrawn,
     JobFinished,
     JobMissed,
@@ -27,7 +33,6 @@ from rmr.vm.machine_events import (
 from rmr.vm.provenance import (
     SENSED,
     ActionRecord,
-    ActionStage,
     DeliveredCause,
     FiringCause,
     FiringRecord,
@@ -35,9 +40,7 @@ from rmr.vm.provenance import (
     InsertionRecord,
     JobRecord,
     ProvenanceRecord,
-    RefusedRecord,
     RemovalRecord,
-    SendingRecord,
     SendRecord,
     SentKey,
     ToldRecord,
@@ -93,10 +96,6 @@ class MindIndex:
         """Whether the process was stopped in order."""
         self.wheels: set[int] = set()
         """Actions that need the wheels, by predicate."""
-        self._by_event: dict[int, PastSend] = {}
-        self._sending: PastDelivery | None = None
-        self._seen: tuple[int, PastFact | None] = 0, None
-        """Identity of the newest news that another robot's finish fact has come, and that fact."""
         self._ended: PastAction | None = None
         self._handles = 0
         self._open: defaultdict[int, list[PastGoal]] = defaultdict(list)
@@ -185,15 +184,15 @@ class MindIndex:
                 self.firing_places[record.number] = self.place
             case ActionRecord():
                 self._acted(record)
-            case ActionStage():
-                self._progressed(record)
             case GoalRecord(at, predicate, args, cause):
                 goal = PastGoal(self.next_number, predicate, args, at, self.place, cause)
                 self.items.append(goal)
                 self.goals.append(goal)
                 self._open[predicate].append(goal)
-            case SendRecord() | SendingRecord() | RefusedRecord():
-                self._send(record)
+            case SendRecord(at, role, destination, predicate, args, cause):
+                send = PastSend(self.next_number, role, destination, predicate, args, at, self.place, cause)
+                self.items.append(send)
+                self.sends.append(send)
             case JobRecord(_, job, fact_serial):
                 self.jobs.setdefault(job, PastJob()).starts.append(self.facts[fact_serial])
             case ToldRecord(at, event):
@@ -214,41 +213,26 @@ class MindIndex:
         self.items.append(action)
         self.actions[record.serial] = action
 
-    def _progressed(self, record: ActionStage) -> None:
-        action = self.actions.get(record.serial)
+    def _progressed(self, at: Instant, event: ActionHeld | ActionBegun | ActionEnded) -> None:
+        action = self.actions.get(event.serial)
         if action is None:
             return
-        if record.stage == "held":
-            action.held = record.at
-            action.group = record.words or ""
-        elif record.stage == "begun":
-            action.begun = record.at
-            action.group = action.group and (record.words or action.group)
-        else:
-            action.ended = record.at
-            action.failure = record.words
-            self._ended = action
-
-    def _send(self, record: SendRecord | SendingRecord | RefusedRecord) -> None:
-        match record:
-            case SendRecord(at, event, role, destination, predicate, args, cause):
-                send = PastSend(self.next_number, role, destination, predicate, args, at, self.place, cause)
-                self.items.append(send)
-                self.sends.append(send)
-                self._by_event[event] = send
-            case SendingRecord(_, event):
-                news = self._seen[1] if event == self._seen[0] else self._ended
-                self._sending = self._by_event.get(event) or PastDelivery(news=news)
-            case RefusedRecord(at, _, why):
-                if self._sending is not None:
-                    self._sending.given_up = at
-                    self._sending.why = why
-                    self._sending = None
+        match event:
+            case ActionHeld(turn=turn):
+                action.held = at
+                action.group = turn
+            case ActionBegun(turn=turn):
+                action.begun = at
+                action.group = action.group and (turn or action.group)
+            case ActionEnded(failure=failure):
+                action.ended = at
+                action.failure = failure
+                self._ended = action
 
     def _told(self, at: Instant, event: object) -> None:
         match event:
-            case DeliveryProgress(stage, peer, epoch, sequence):
-                self._delivered(at, stage, peer, epoch, sequence)
+            case DeliveryProgress():
+                self._delivered(at, event)
             case ScheduleChanged():
                 self._schedules[event.group_id] = event
                 self.schedule_log.append((at, event))
@@ -256,13 +240,16 @@ class MindIndex:
                 self._slot = group_id
             case JobStarted() | JobFinished() | JobMissed():
                 self._job(at, event)
-            case FinishSeen():
-                facts = self.by_predicate[self.program.assertions[event.assertion].finish.predicate]
-                self._seen = id(event), next((fact for fact in reversed(facts) if fact.args == event.args), None)
+            case DeliveryRefused(of, why):
+                refused = self._sent(of)
+                refused.given_up = at
+                refused.why = why
             case Spoken():
                 self._spoken(at, event)
             case GoalAchieved() | GoalWithdrawn():
                 self._goal(event)
+            case ActionHeld() | ActionBegun() | ActionEnded():
+                self._progressed(at, event)
             case ActionCancelled(serial=serial, served=served):
                 if serial in self.actions:
                     self.actions[serial].cancelled_with = served
@@ -275,7 +262,23 @@ class MindIndex:
         if isinstance(event, JobFinished):
             known.learned = at
 
-    def _delivered(self, at: Instant, stage: Stage, peer: int, epoch: int, sequence: int) -> None:
+    def _sent(self, of: Sent | None) -> PastDelivery:
+        """Return what the sender knows of the message that was sent for `of`."""
+        match of:
+            case FactSent(number=number) | GoalSent(number=number) | ActionDerived(number=number):
+                return self.sends[number - 1]
+            case FinishSeen(assertion=assertion, args=args):
+                facts = self.by_predicate[self.program.assertions[assertion].finish.predicate]
+                return PastDelivery(news=next((fact for fact in reversed(facts) if fact.args == args), None))
+            case ActionEnded(serial=serial):
+                return PastDelivery(news=self.actions.get(serial))
+            case FinishAwaited():
+                return PastDelivery(news=self._ended)
+            case None:
+                return PastDelivery()
+
+    def _delivered(self, at: Instant, event: DeliveryProgress) -> None:
+        stage, peer, epoch, sequence, *_ = event
         key = SentKey(peer, epoch, sequence)
         if stage is Stage.ACCEPTED:
             self.arrived.setdefault(DeliveredCause(peer, epoch, sequence), PastArrival(at, self.place))
@@ -283,11 +286,10 @@ class MindIndex:
             # It takes effect now: until then it waited for the delivery of an earlier one.
             self.arrived[DeliveredCause(peer, epoch, sequence)] = PastArrival(at, self.place)
         elif stage is Stage.BEGUN:
-            assert self._sending is not None
-            self._sending.key = key
-            self._sending.begun = at
-            self.deliveries[key] = self._sending
-            self._sending = None
+            begun = self._sent(event.of)
+            begun.key = key
+            begun.begun = at
+            self.deliveries[key] = begun
         elif (sent := self.deliveries.get(key)) is not None:
             if stage is Stage.REPEATED:
                 sent.repeated.append(at)

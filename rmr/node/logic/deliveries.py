@@ -9,15 +9,16 @@ and fails the step that waits for it: nothing vanishes, and no chain waits for w
 from collections import deque
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
 from rmr.bytecode.hidden_words import hidden_label
 from rmr.bytecode.program import SENT_DUTIES, Duty, Kind
 from rmr.node import payloads
+from rmr.node.actions.action_log import ActionEnded
 from rmr.node.logic.deadlines import Deadlines
-from rmr.node.logic.exchange import STAGES, WHY_GIVEN_UP, Exchange, News, Outcome
+from rmr.node.logic.exchange import STAGES, WHY_GIVEN_UP, Exchange, News, Outcome, Sent
 from rmr.node.logic.outbound import Outgoing
 from rmr.node.logic.symbol_numbers import symbols_of
 from rmr.node.payloads import Delivery, DeliveryRole, UnsendableError, WireError
@@ -45,6 +46,13 @@ SERVING_MAX: Final = 64
 
 Origin = tuple[int, int]
 """The robot that waits for an action's end, and the number by which it knows the action."""
+
+
+class DeliveryRefused(NamedTuple):
+    """What the host was to send cannot be sent; an event of the robot."""
+
+    of: Sent | None
+    why: str
 
 
 class Deliveries:
@@ -100,27 +108,23 @@ class Deliveries:
                 delivery = Delivery(DeliveryRole.FINISH_AWAITED, event.assertion, event.start_args, event.since)
             case FinishSeen():
                 delivery = Delivery(DeliveryRole.FINISH_SEEN, event.assertion, event.args, event.at)
-        if self._state.provenance is not None:
-            self._state.provenance.sending(now, event)
-        self._send(now, int(event.destination), delivery)
+        self._send(now, int(event.destination), delivery, event)
 
     def send_action(self, now: Instant, event: ActionDerived) -> None:
         """Send an action to its executor, with its number if a chain waits for its end."""
         number = self._incarnation | event.serial if event.serial else 0
-        if self._state.provenance is not None:
-            self._state.provenance.sending(now, event)
-        self._send(now, int(event.executor), Delivery(DeliveryRole.ACTION, event.predicate, event.args, number))
+        self._send(now, int(event.executor), Delivery(DeliveryRole.ACTION, event.predicate, event.args, number), event)
 
-    def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
-        """Tell the robot that derived an action how it ended."""
+    def report_end(self, now: Instant, origin: Origin, predicate: int, ended: ActionEnded | None) -> None:
+        """Tell the robot that derived an action how it ended; None: the action was refused."""
         robot, number = origin
-        if self._state.provenance is not None:
-            self._state.provenance.sending(now, None)
-        self._send(now, robot, Delivery(DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED, predicate, (), number))
+        ok = ended is not None and ended.failure is None
+        role = DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED
+        self._send(now, robot, Delivery(role, predicate, (), number), ended)
 
-    def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
+    def _send(self, now: Instant, destination: int, delivery: Delivery, of: Sent | None) -> None:
         if destination not in self._state.config.roster:
-            self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
+            self._refuse(now, destination, delivery, of, NO_SUCH_ROBOT)
             return
         try:
             due, jobs = self._deadlines.of(now, destination, delivery)
@@ -129,10 +133,12 @@ class Deliveries:
             body = payloads.encode_delivery(delivery, self._symbols.numbers)
             lasting = delivery.role is DeliveryRole.FACT and delivery.index in self._lasting
             ordered = not lasting and self._ordered(delivery)
-            outgoing = self.exchange.send(now, destination, delivery, body, due=due, ordered=ordered, lasting=lasting)
+            outgoing = self.exchange.send(
+                now, destination, delivery, body, due=due, ordered=ordered, lasting=lasting, of=of
+            )
         except WireError as error:
             self.unsendable += isinstance(error, UnsendableError)
-            self._give_up(now, destination, delivery, str(error))
+            self._refuse(now, destination, delivery, of, str(error))
             return
         for job in jobs:
             self._serving.setdefault(job.serial, deque(maxlen=SERVING_MAX)).append(outgoing)
@@ -181,6 +187,11 @@ class Deliveries:
         """Tell the program that the decision which it has sent is known to the receiver."""
         self._machine.insert(now, predicate, (Robot(sent.destination), *args), StandsCause(sent))
 
+    def _refuse(self, now: Instant, destination: int, delivery: Delivery, of: Sent | None, why: str) -> None:
+        """Give up what cannot be sent."""
+        self._state.tell(DeliveryRefused(of, why))
+        self._give_up(now, destination, delivery, why)
+
     def _give_up(
         self, now: Instant, destination: int, delivery: Delivery, why: str, sent: SentKey | None = None
     ) -> None:
@@ -191,8 +202,6 @@ class Deliveries:
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
         self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
-        if self._state.provenance is not None and sent is None:
-            self._state.provenance.refused(now, destination, why)
         if delivery.role in ITEMS:
             self._tell_program(now, UndeliveredCause(destination, name, sent))
         if delivery.role is DeliveryRole.ACTION and delivery.number:
@@ -227,7 +236,7 @@ class Deliveries:
             self._take(now, delivery, cause)
         except ValueError as error:
             if delivery.role is DeliveryRole.ACTION and delivery.number:
-                self.report_end(now, (source, delivery.number), delivery.index, ok=False)
+                self.report_end(now, (source, delivery.number), delivery.index, None)
             raise WireError(str(error)) from error
         if self._state.notes.level is not TraceLevel.NOTHING:
             fact = self._text(delivery, source, self._robot)

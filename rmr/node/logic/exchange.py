@@ -45,9 +45,11 @@ from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import payloads
+from rmr.node.actions.action_log import ActionEnded
 from rmr.node.logic.inbound import UNORDERED, Arrival, Inbound, ahead
 from rmr.node.logic.outbound import RETRY_FIRST, ROUTINE_WITHIN, Outgoing, Recipient
 from rmr.node.payloads import Delivery, WireError
+from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
 
 RETRY_MAX: Final[Duration] = seconds(1)
 """Longest time between two repeats within `PERSISTENT_FOR`: about 25; at 50 % loss both ways 1 delivery in 1000 needs
@@ -132,6 +134,10 @@ WHY_GIVEN_UP: Final = {
 }
 
 
+Sent = FactSent | GoalSent | ActionDerived | FinishAwaited | FinishSeen | ActionEnded
+"""What a delivery is sent for: an event of the machine, or the end of an action that another robot waits for."""
+
+
 class DeliveryProgress(NamedTuple):
     """A delivery has reached another stage; an event for checkers."""
 
@@ -143,6 +149,8 @@ class DeliveryProgress(NamedTuple):
     sequence: int
     lasting: bool = False
     """Of one that begins: whether it is never given up, and is repeated to each life of its receiver."""
+    of: Sent | None = None
+    """Of one that begins: what it is sent for; None: the refusal of an action."""
 
 
 Renewal = Callable[[Delivery], tuple[Delivery, bytes] | None]
@@ -218,10 +226,12 @@ class Exchange:
         due: Instant = NEVER,
         ordered: bool = True,
         lasting: bool = False,
+        of: Sent | None = None,
     ) -> Outgoing:
         """Begin to deliver; `due` is the deadline of what the delivery serves. Return what shows how long it waits.
 
-        A `lasting` delivery, which is not ordered, is never given up: it is repeated until it is acknowledged.
+        A `lasting` delivery, which is not ordered, is never given up: it is repeated until it is acknowledged. `of` is
+        passed on to `tell` alone.
 
         Raises WireError when `body` is too large to travel, or too much waits already.
         """
@@ -236,7 +246,7 @@ class Exchange:
         frames = payloads.encode_fact_frames(to, self._epoch, sequence, body, self._payload_max)
         outgoing = Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE, due, now, lasting=lasting)
         queue.push(outgoing)
-        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting))
+        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting, of))
         self._fill(now, destination, peer)
         return outgoing
 

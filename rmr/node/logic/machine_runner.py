@@ -11,7 +11,7 @@ from typing import Final
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.action_log import ActionEnded, ActionHeld
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Dispatcher, Handler, RunningAction
 from rmr.node.crossing.crossings import Crossings
@@ -56,7 +56,6 @@ class MachineRunner:
         crossings: Crossings,
         actions: Dispatcher,
         handler: Callable[[str], Handler],
-        action_log: ActionLog,
     ) -> None:
         """`handler` returns what carries out an action."""
         self._state = state
@@ -67,7 +66,6 @@ class MachineRunner:
         self._crossings = crossings
         self._actions = actions
         self._handler = handler
-        self._action_log = action_log
         self._overrun = False
         """The last run used up its budget of firings: the rest waits for the next frame."""
         self._restless_calls = 0
@@ -76,10 +74,6 @@ class MachineRunner:
         """Supposed effects without value."""
         self.achieved = 0
         """Goals discharged."""
-
-    def log_to(self, action_log: ActionLog) -> None:
-        """Note the ends of actions in `action_log`."""
-        self._action_log = action_log
 
     def follow(self, other: "MachineRunner") -> None:
         """Go on with the counters of another program's runner."""
@@ -192,11 +186,12 @@ class MachineRunner:
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
         if self._program.assertions:
-            self._action_log.steps.derived(self._program, running, event.predicate, self._machine.undecided_jobs())
-        if self._state.provenance is not None and running.held(now):
-            crossing = self._crossings.crossing(running)
-            assert crossing is not None
-            self._state.provenance.action(now, event.serial, "held", crossing.told)
+            self._state.action_log.steps.derived(
+                self._program, running, event.predicate, self._machine.undecided_jobs()
+            )
+        crossing = self._crossings.crossing(running)
+        if crossing is not None and running.held(now):
+            self._state.tell(ActionHeld(event.serial, crossing.told))
         self._actions.derive(now, running)
 
     def _cancelled(self, now: Instant, event: ActionCancelled) -> None:
@@ -219,20 +214,19 @@ class MachineRunner:
         # something that the program has to know.
         provided = running.handler is PROVIDED.get(running.name)
         handled = provided or bool(self._program.predicates[action].else_effects)
-        self._action_log.end(now, running.text(self._robot), failure, handled=handled)
-        self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
+        text = running.text(self._robot)
+        event = ActionEnded(running.serial, text, failure, handled)
+        self._state.tell(event)
         if running.raised:
-            self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
+            self._state.trace(now, "raised", action=text, traceback=list(running.raised))
         self._crossings.action_ended(now, running, failed=failure is not None)
-        if self._state.provenance is not None:
-            self._state.provenance.action(now, running.serial, "ended", failure)
         if self._state.driver is None:
             predicate = self._program.predicates[action]
             effects = predicate.effects if failure is None else predicate.else_effects
             self._suppose(now, effects, running.args, EffectCause(running.serial, failure is None))
         self._machine.complete(now, running.serial, failure is None)
         if running.origin is not None:
-            self._deliveries.report_end(now, running.origin, action, ok=failure is None)
+            self._deliveries.report_end(now, running.origin, action, event)
 
     def _handlers_effect(self, now: Instant, running: RunningAction, action: int) -> str | None:
         """Insert the effect that the handler names if the program declares none; return why it does not fit.
