@@ -33,6 +33,7 @@ from rmr.vm.machine_events import (
 from rmr.vm.provenance import (
     SENSED,
     ActionRecord,
+    Args,
     DeliveredCause,
     FiringCause,
     FiringRecord,
@@ -96,7 +97,6 @@ class MindIndex:
         """Whether the process was stopped in order."""
         self.wheels: set[int] = set()
         """Actions that need the wheels, by predicate."""
-        self._ended: PastAction | None = None
         self._handles = 0
         self._open: defaultdict[int, list[PastGoal]] = defaultdict(list)
 
@@ -227,7 +227,6 @@ class MindIndex:
             case ActionEnded(failure=failure):
                 action.ended = at
                 action.failure = failure
-                self._ended = action
 
     def _told(self, at: Instant, event: object) -> None:
         match event:
@@ -268,14 +267,17 @@ class MindIndex:
             case FactSent(number=number) | GoalSent(number=number) | ActionDerived(number=number):
                 return self.sends[number - 1]
             case FinishSeen(assertion=assertion, args=args):
-                facts = self.by_predicate[self.program.assertions[assertion].finish.predicate]
-                return PastDelivery(news=next((fact for fact in reversed(facts) if fact.args == args), None))
+                return PastDelivery(news=self._newest(self.program.assertions[assertion].finish.predicate, args))
+            case FinishAwaited(assertion=assertion, start_args=args):
+                return PastDelivery(news=self._newest(self.program.assertions[assertion].start.predicate, args))
             case ActionEnded(serial=serial):
                 return PastDelivery(news=self.actions.get(serial))
-            case FinishAwaited():
-                return PastDelivery(news=self._ended)
             case None:
                 return PastDelivery()
+
+    def _newest(self, predicate: int, args: Args) -> PastFact | None:
+        """Return the newest fact with these arguments; None if there is none."""
+        return next((fact for fact in reversed(self.by_predicate[predicate]) if fact.args == args), None)
 
     def _delivered(self, at: Instant, event: DeliveryProgress) -> None:
         stage, peer, epoch, sequence, *_ = event
