@@ -176,8 +176,6 @@ class HistoryListener:
                 self._inside[entry["event"]] = self._group(entry["event"], node), now
             elif entry["what"] in ("left", "slot_lost", "withdrawn"):
                 self._leave(entry["event"], now)
-            elif entry["what"] == "sent":
-                self._name_sent(entry)
             elif entry["what"] == "undelivered":
                 lost = LostDelivery(now, self._robot, entry["destination"], entry["fact"], entry["why"])
                 self.history.undelivered.append(lost)
@@ -192,13 +190,6 @@ class HistoryListener:
     def _leave(self, told: str, now: Instant) -> None:
         if told in self._inside:
             self.history.passages.append(PassageSpan(*self._inside.pop(told), now))
-
-    def _name_sent(self, entry: dict[str, Any]) -> None:
-        """Give the oldest delivery to a robot that has no text yet its text."""
-        for key, sent in self._mind.deliveries.items():
-            if not sent.text and key.destination == entry["destination"]:
-                sent.text = entry["fact"]
-                return
 
     def _take_waits(self, node: WatchedNode, now: Instant) -> None:
         """Note which actions wait, and for what."""

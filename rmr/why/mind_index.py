@@ -12,7 +12,7 @@ from rmr.bytecode.program import ANY, Atom, Constant, Mode, Pattern, Program
 from rmr.coord.events import ScheduleChanged, SlotAssigned
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionHeld
-from rmr.node.logic.deliveries import DeliveryRefused
+from rmr.node.logic.deliveries import DeliveryRefused, delivery_text
 from rmr.node.logic.exchange import WHY_GIVEN_UP, DeliveryProgress, Sent, Stage
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.ports import Spoken
@@ -291,6 +291,8 @@ class MindIndex:
             begun = self._sent(event.of)
             begun.key = key
             begun.begun = at
+            assert event.delivery is not None
+            begun.text = delivery_text(self.program, event.delivery, self.robot, peer)
             self.deliveries[key] = begun
         elif (sent := self.deliveries.get(key)) is not None:
             if stage is Stage.REPEATED:

@@ -92,7 +92,7 @@ class PastDelivery:
     begun: Instant = NEVER
     """When it was taken up for the radio."""
     text: str = ""
-    """As the trace names it."""
+    """In program syntax, as in the trace."""
     transmissions: list[tuple[Instant, int]] = field(default_factory=list)
     """When it was handed to the radio, each time, and the radio's handle of that, if the node tells of its frames."""
     repeated: list[Instant] = field(default_factory=list)

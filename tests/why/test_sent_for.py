@@ -38,6 +38,8 @@ ask(R) -o wait(R, 1.0). waited(@2) -o done(@2)."""
     run = written(program, "--robots 2", tmp_path, monkeypatch)
     assert news_of(run, 1) == [(PastFact, "start", ()), (PastSend, "ask", ())]
     assert news_of(run, 2) == [(PastFact, "done", ())]
+    texts = [[sent.text for sent in run.minds(robot)[0].deliveries.values()] for robot in (1, 2)]
+    assert texts == [["job since start(@1)", "ask(@2)"], ["job by done(@2)"]]
 
 
 def test_the_end_of_an_action_for_another_robot_is_news_of_that_action(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
 from rmr.bytecode.hidden_words import hidden_label
-from rmr.bytecode.program import SENT_DUTIES, Duty, Kind
+from rmr.bytecode.program import SENT_DUTIES, Duty, Kind, Program
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionEnded
 from rmr.node.logic.deadlines import Deadlines
@@ -91,7 +91,7 @@ class Deliveries:
     def text(self, delivery: Delivery) -> str:
         """Return a delivery under way, in program syntax where its index means something."""
         try:
-            return self._text(delivery, self._robot, self._robot)
+            return delivery_text(self._program, delivery, self._robot, self._robot)
         except IndexError:
             return f"{delivery.role.name.lower()} {delivery.index}"
 
@@ -198,7 +198,7 @@ class Deliveries:
         """Record an undeliverable item, and end the wait for it; without `sent` it was refused."""
         self.undelivered += 1
         name = self._name(delivery)
-        text = self._text(delivery, self._robot, destination)
+        text = delivery_text(self._program, delivery, self._robot, destination)
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
         self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
@@ -239,7 +239,7 @@ class Deliveries:
                 self.report_end(now, (source, delivery.number), delivery.index, None)
             raise WireError(str(error)) from error
         if self._state.notes.level is not TraceLevel.NOTHING:
-            fact = self._text(delivery, source, self._robot)
+            fact = delivery_text(self._program, delivery, source, self._robot)
             label = name if delivery.role in ABOUT_JOBS else hidden_label(self._program, delivery.index)
             self._state.trace(now, "received", source=source, predicate=label, fact=fact)
 
@@ -274,23 +274,28 @@ class Deliveries:
 
     def _note(self, now: Instant, what: str, destination: int, delivery: Delivery) -> None:
         if self._state.notes.level is not TraceLevel.NOTHING:
-            self._state.trace(now, what, destination=destination, fact=self._text(delivery, self._robot, destination))
+            self._state.trace(
+                now,
+                what,
+                destination=destination,
+                fact=delivery_text(self._program, delivery, self._robot, destination),
+            )
 
-    def _text(self, delivery: Delivery, source: int, destination: int) -> str:
-        """Return a delivery in program syntax; of news the subject with it."""
-        program = self._program
-        index = delivery.index
-        args = delivery.args
-        match delivery.role:
-            case DeliveryRole.FACT | DeliveryRole.ACTION:
-                return fact_text(program, index, destination, args)
-            case DeliveryRole.GOAL:
-                return format_fact(program.predicates[index].name, (Robot(destination), *args), "?")
-            case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
-                return f"{program.predicates[index].name} {delivery.role.name.lower()}"
-            case DeliveryRole.FINISH_AWAITED:
-                assertion = program.assertions[index]
-                return f"{assertion.name} since {fact_text(program, assertion.start.predicate, source, args)}"
-            case DeliveryRole.FINISH_SEEN:
-                assertion = program.assertions[index]
-                return f"{assertion.name} by {fact_text(program, assertion.finish.predicate, source, args)}"
+
+def delivery_text(program: Program, delivery: Delivery, source: int, destination: int) -> str:
+    """Return a delivery in program syntax; of news the subject with it."""
+    index = delivery.index
+    args = delivery.args
+    match delivery.role:
+        case DeliveryRole.FACT | DeliveryRole.ACTION:
+            return fact_text(program, index, destination, args)
+        case DeliveryRole.GOAL:
+            return format_fact(program.predicates[index].name, (Robot(destination), *args), "?")
+        case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
+            return f"{program.predicates[index].name} {delivery.role.name.lower()}"
+        case DeliveryRole.FINISH_AWAITED:
+            assertion = program.assertions[index]
+            return f"{assertion.name} since {fact_text(program, assertion.start.predicate, source, args)}"
+        case DeliveryRole.FINISH_SEEN:
+            assertion = program.assertions[index]
+            return f"{assertion.name} by {fact_text(program, assertion.finish.predicate, source, args)}"

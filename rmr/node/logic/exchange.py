@@ -149,6 +149,8 @@ class DeliveryProgress(NamedTuple):
     sequence: int
     lasting: bool = False
     """Of one that begins: whether it is never given up, and is repeated to each life of its receiver."""
+    delivery: Delivery | None = None
+    """One that begins."""
     of: Sent | None = None
     """Of one that begins: what it is sent for; None: the refusal of an action."""
 
@@ -246,7 +248,7 @@ class Exchange:
         frames = payloads.encode_fact_frames(to, self._epoch, sequence, body, self._payload_max)
         outgoing = Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE, due, now, lasting=lasting)
         queue.push(outgoing)
-        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting, of))
+        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting, delivery, of))
         self._fill(now, destination, peer)
         return outgoing
 
