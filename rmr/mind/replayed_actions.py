@@ -13,6 +13,7 @@ from rmr.mind.replay_feed import ReplayFeed
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.handle import ActionFailed, Pause
 from rmr.node.actions.node_handle import NodeHandle
+from rmr.vm.provenance import HandlerCause
 
 LOST = "the log does not say how the handler goes on"
 """The failure of an action that goes on in a replay and not in the recording."""
@@ -105,11 +106,12 @@ class ReplayedAction:
     def _do(self, code: str, _: int, *values: Any) -> None:
         """Do one thing to the robot. What it raises has gone to the handler, and the next steps say what that did."""
         node = self._robot._node
+        cause = HandlerCause(self._robot._action.serial)
         calls: dict[str, Callable[..., object]] = {
             steps.DRIVE: node.drive,
             steps.HALT: node.halt,
-            steps.INSERT: lambda name, args: node.insert(node.now, name, args, self._robot._action.cause),
-            steps.WITHDRAW: lambda name, args: node.withdraw(node.now, name, args, self._robot._action.cause),
+            steps.INSERT: lambda name, args: node.insert(node.now, name, args, cause),
+            steps.WITHDRAW: lambda name, args: node.withdraw(node.now, name, args, cause),
             steps.TRACE: lambda what, names, given: node.trace(node.now, what, **dict(zip(names, given, strict=True))),
             steps.STEP: self._begin_step,
             steps.NEXT: lambda step: self._go_on(step, next),

@@ -21,7 +21,6 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
-from rmr.vm.provenance import HandlerCause
 
 __all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "RunningAction", "action"]
 
@@ -158,11 +157,6 @@ class RunningAction:
     def uses_wheels(self) -> bool:
         """Whether it drives."""
         return self.handler.wheels
-
-    @property
-    def cause(self) -> HandlerCause:
-        """Of what its handler inserts and withdraws."""
-        return HandlerCause(self.serial)
 
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""

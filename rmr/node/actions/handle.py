@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Value
+from rmr.vm.provenance import HandlerCause
 
 if TYPE_CHECKING:
     from rmr.node.peers.perception import Percept
@@ -55,6 +56,9 @@ def pause_of(now: Instant, duration_s: float) -> Pause:
 class HandledAction(Protocol):
     """The action to which a handle belongs."""
 
+    serial: int
+    """Its number, the cause of what its handler inserts and withdraws."""
+
     @property
     def name(self) -> str:
         """Its predicate's name."""
@@ -62,10 +66,6 @@ class HandledAction(Protocol):
     @property
     def uses_wheels(self) -> bool:
         """Whether it drives."""
-
-    @property
-    def cause(self) -> object:
-        """Of what its handler inserts and withdraws."""
 
 
 class RobotHandle:
@@ -165,14 +165,14 @@ class RobotHandle:
 
     def insert(self, predicate: str, *args: Value) -> None:
         """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
-        self._node.insert(self._now(), predicate, args, self._running.cause)
+        self._node.insert(self._now(), predicate, args, HandlerCause(self._running.serial))
 
     def withdraw(self, predicate: str, *args: Value) -> None:
         """Withdraw a sensed fact of this robot, one of a predicate that the program declares with ``type sensor``.
 
         Nothing happens if it does not hold. Raises ValueError when it does not fit, or the robot itself senses it.
         """
-        self._node.withdraw(self._now(), predicate, args, self._running.cause)
+        self._node.withdraw(self._now(), predicate, args, HandlerCause(self._running.serial))
 
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""
