@@ -51,11 +51,12 @@ test-all: ## every test, the way CI runs it: `make test`, then the slow ones
 	$(MAKE) test
 	$(MAKE) test-slow
 
-lint: $(STAMP) ## ruff, mypy --strict, and whether mypyc compiles what `make fast` does
+lint: $(STAMP) ## ruff, mypy --strict, whether mypyc compiles what `make fast` does, and the counts of the tree
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m rmr.compiled.build --check
+	$(BIN)/python tests/architecture/counts.py
 
 bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python -m rmr.compiled.build --if-possible
