@@ -17,6 +17,7 @@ from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant, in_second
 from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE
+from rmr.bus.late_messages import LateSamples
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
 from rmr.mind.durable_node import DurableNode
 from rmr.mind.journal import DurableState
@@ -37,7 +38,6 @@ from rmr.vm.outside import Gate
 from rmr_agent.bus_ports import RADIO_GRACE, BusBody, RadioLink
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.late_samples import LateSamples
 from rmr_agent.local_air import LocalAir
 from rmr_agent.program_updates import ProgramUpdates
 

@@ -15,10 +15,9 @@ from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.endpoint import BusError
 from rmr.bus.listening import SAY_AGAIN_S, Refused, secret_of_listener, warn_if_open
-from rmr.bus.middleware import InUseError, NotAdmittedError
+from rmr.bus.middleware import InUseError, NotAdmittedError, Router
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import Ending, Throttle, handle_signals, hold_lifeline, run_to_end, start_logging
-from rmr.bus.routing import Router
 from rmr.bus.secret import Secret, SecretError
 from rmr.bus.session import open_when_there
 from rmr.entry import ExitCode

@@ -46,8 +46,7 @@ from rmr.bus.checks import (
     value,
 )
 from rmr.bus.checks import sender as sender_check
-from rmr.bus.map_checks import BEACONS_MAX, floor, radio
-from rmr.bus.report_checks import report
+from rmr.bus.record_checks import BEACONS_MAX, floor, radio, report
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 

@@ -17,6 +17,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
+from rmr.bus.late_messages import LateCommands
 from rmr.bus.middleware import LEASE_MS
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
@@ -27,7 +28,6 @@ from rmr_world.faults import fault_entry, fault_line
 from rmr_world.incarnation_claims import IncarnationClaims
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
-from rmr_world.late_commands import LateCommands
 from rmr_world.physics import World
 from rmr_world.world_messages import map_of, sense_of, truth_of
 from rmr_world.world_recorder import WorldRecorder

@@ -7,8 +7,7 @@ import pytest
 from test_robot_life import live, sample
 
 from rmr.base.time import NEVER, TICK_HZ, milliseconds, seconds, tick_start
-from rmr.bus.late_messages import ROW_MIN, TELL_EVERY
-from rmr_agent.late_samples import LateSamples
+from rmr.bus.late_messages import ROW_MIN, TELL_EVERY, LateSamples
 
 
 def heard(late, delay_ms, ticks, first=0):

@@ -6,7 +6,7 @@ import pytest
 from world_labs import ROOM, complaints, lab_of
 
 from rmr.base.time import NS_PER_MS, NS_PER_S
-from rmr.bus import report_checks
+from rmr.bus import record_checks
 from rmr.radio.links import Disturbance, muted, partition
 from rmr_world.faults import fault_entries, fault_entry, fault_line, fault_lines, process_run_faults
 from rmr_world.lab import Outage, Slow
@@ -25,7 +25,7 @@ def test_a_slow_robot_and_an_outage_are_kept_as_values_of_one_robot_each(tmp_pat
 def test_fault_without_an_end_has_no_to_and_lasts_to_the_end_of_the_run(tmp_path):
     endless = fault_entry(partition([[1], [2]], 2 * S))
     assert fault_line(endless) == "{from: 2.0, link: [1, 2], cut: true}"
-    report_checks.report({"faults": [endless]})
+    record_checks.report({"faults": [endless]})
     (fault,) = process_run_faults(lab_of(tmp_path, TWO), [endless], 7.5)
     assert list(fault.items())[:2] == [("from", 2.0), ("to", 7.5)]
 

@@ -1,6 +1,8 @@
-"""Checks of the floor and the radio in a map: the records from which robots build their own values.
+"""Checks of the large records in messages: the floor and the radio of a `Map`, the report of a `Status`.
 
-A map that passes describes a possible floor and radio; whether they fit its program is checked by the robot.
+A map that passes describes a possible floor and radio; whether they fit its program is checked by the robot. What the
+launcher reads of a report has its type; fields that it does not know are plain data and pass. Texts in a report are
+those of the program's facts and stay as they are: who shows them makes them printable.
 """
 
 from typing import Any, Final
@@ -8,7 +10,23 @@ from typing import Any, Final
 from rmr.base import arena
 from rmr.base.arena import Arena, Disc, RobotShape
 from rmr.base.geometry import Point
-from rmr.bus.checks import MalformedError, name, number, record
+from rmr.bus.checks import (
+    Check,
+    MalformedError,
+    by_name,
+    count,
+    each,
+    fields,
+    flag,
+    group,
+    name,
+    number,
+    optional,
+    people,
+    record,
+    robot,
+    text,
+)
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.settings import SETTINGS
 
@@ -112,3 +130,55 @@ def _check_radio(config: RadioConfig) -> None:
     _within(config.energy_threshold_db, -ENERGY_DB_MAX, ENERGY_DB_MAX)
     if config.bursts is not None and not (type(config.bursts.good) is type(config.bursts.bad) is int):
         raise MalformedError("expected bursts in nanoseconds")
+
+
+# --- the report of a robot or the world in a Status
+
+_JOB: Final = fields(
+    {
+        "name": text,
+        "job": text,
+        "start_s": number,
+        "finish_s": optional(number),
+        "deadline_s": number,
+        "met": optional(flag),
+    },
+    {"cause": optional(text)},
+)
+_SCHEDULE: Final = fields(
+    {"event": text, "leader": robot, "term": count, "order": each(robot), "formed_s": number},
+)
+_COUNTERS: Final = fields({}, {"lost": count, "malformed": count})
+
+PART: Final[dict[str, Check]] = {
+    "finish_s": optional(number),
+    "distance_m": number,
+    "assertions": each(_JOB),
+    "facts": each(text),
+    "goals": fields({"achieved": each(group(text, number)), "open": each(text)}),
+    "actions": each(group(number, text)),
+    "restarts": count,
+    "unsaved": count,
+    "resumed": flag,
+    "expression_failures": count,
+    "undelivered": count,
+    "unsendable": count,
+    "frames": by_name(count),
+    "ticks": count,
+    "ticks_late": count,
+    "tasks_skipped": count,
+    "schedules": each(_SCHEDULE),
+    "bus": _COUNTERS,
+    "left_out": each(text),
+    "log_cut_short": people,
+    "late_samples": count,
+    "off_m": optional(number),
+    "estimates_dropped": count,
+    "samples_refused": count,
+    "late_commands": each(group(robot, count, number)),
+    "faults": each(fields({"from": number}, {"to": number})),
+}
+"""Checks of the fields of a part, by name; other fields may be any plain data."""
+
+report: Final = fields({}, PART)
+"""Accepts a part of the report."""
