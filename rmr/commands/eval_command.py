@@ -34,7 +34,8 @@ COLUMNAR = "columnar"
 """The engine that runs all robots at once as columns, if the program is suited."""
 WARNINGS_MAX = 8
 """Number of warnings shown of one kind; thousands of robots may give the same one."""
-
+LINE_WIDTH = 100
+"""Columns of a line of the report; a text that is longer by itself stands on a line of its own."""
 
 ABOUT = """\
 Run a program on robots without bodies, in virtual time, until nothing is left to do.
@@ -344,7 +345,30 @@ def _conclude(run: "EvaluatedRun", until: int, interrupted: bool) -> None:
 
 def _print(run: "EvaluatedRun", one_line: bool) -> None:
     from rmr.eval.eval_report import report
-    from rmr.eval.json_layout import laid_out
 
     values = report(run)
     print(json.dumps(values) if one_line else laid_out(values))
+
+
+def laid_out(value: Any, column: int = 0, indent: int = 0) -> str:
+    """Return `value` as JSON for people, whose first line begins at `column` of a line that is indented by `indent`.
+
+    What fits on a line stays on it, what does not has an item a line. It is the same on a terminal as in a file.
+    """
+    flat = json.dumps(value)
+    if column + len(flat) <= LINE_WIDTH or not isinstance(value, dict | list) or not value:
+        return flat
+    inner = indent + 2
+    if isinstance(value, dict):
+        items = [_entry(key, each, inner) for key, each in value.items()]
+        opening, closing = "{}"
+    else:
+        items = [laid_out(each, inner, inner) for each in value]
+        opening, closing = "[]"
+    pad = "\n" + " " * inner
+    return f"{opening}{pad}{(',' + pad).join(items)}\n{' ' * indent}{closing}"
+
+
+def _entry(key: str, value: Any, indent: int) -> str:
+    name = f"{json.dumps(key)}: "
+    return name + laid_out(value, indent + len(name), indent)

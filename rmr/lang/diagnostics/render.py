@@ -1,9 +1,13 @@
-"""Diagnostics as text for people and as values for programs."""
+"""Diagnostics as text for people and as values for programs.
 
-from collections.abc import Callable, Iterable, Mapping
+An excerpt of the source shows lines with a place underlined. So that the marks are aligned with the text, unprintable
+characters are replaced, a tab is one space, and a wide character (East Asian Width W or F) takes two columns. A long
+line is cut to the part around the place, a long range to its first lines and the last.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Severity
-from rmr.lang.diagnostics.excerpt import excerpt, visible
 from rmr.lang.read.source_text import SourceText, Span
 
 _BOLD = "\x1b[1m"
@@ -11,6 +15,15 @@ _RED = "\x1b[31m"
 _YELLOW = "\x1b[33m"
 _BLUE = "\x1b[34m"
 _RESET = "\x1b[0m"
+
+LINE_SHOWN_MAX = 200
+"""Largest number of characters shown of a line."""
+
+LINES_SHOWN_MAX = 5
+"""Largest number of lines shown of one place."""
+
+GAP = "  ... |"
+"""The line in place of omitted ones."""
 
 
 def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText], color: bool) -> str:
@@ -67,14 +80,66 @@ def _one(each: Diagnostic, sources: Mapping[str, SourceText], paint: _Paint) -> 
     return "\n".join(lines) + "\n"
 
 
-def _excerpt(span: Span, sources: Mapping[str, SourceText], underlined: Callable[[int], str]) -> list[str]:
-    source = sources.get(span.file)
-    return [] if source is None or not source.text else excerpt(source, span, underlined)
-
-
 def _place(span: Span, sources: Mapping[str, SourceText]) -> str:
     source = sources.get(span.file)
     if source is None or not source.text:
         return f"{visible(span.file)}:1:1"
     line, column = source.position(span.start)
     return f"{visible(span.file)}:{line}:{column}"
+
+
+def _excerpt(span: Span, sources: Mapping[str, SourceText], underlined: Callable[[int], str]) -> list[str]:
+    """Return the lines of a place, each with a line of marks below; none without its source.
+
+    `underlined` returns marks of a given width.
+    """
+    source = sources.get(span.file)
+    if source is None or not source.text:
+        return []
+    shown: list[str] = []
+    previous = None
+    for number in _numbers(source, span):
+        if previous is not None and number != previous + 1:
+            shown.append(GAP)
+        shown += _line(source, number, span, underlined)
+        previous = number
+    return shown
+
+
+def _numbers(source: SourceText, span: Span) -> list[int]:
+    first, _ = source.position(span.start)
+    last, _ = source.position(max(span.start, span.end - 1))
+    if last - first < LINES_SHOWN_MAX:
+        return list(range(first, last + 1))
+    return [*range(first, first + LINES_SHOWN_MAX - 1), last]
+
+
+def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
+    """Yield a line and the marks below it, none below a blank line."""
+    line = source.line(number)
+    offset = source.starts[number - 1]
+    start = span.start - offset if span.start >= offset else len(line) - len(line.lstrip())
+    end = max(start, min(len(line), span.end - offset))
+    first = max(0, start - LINE_SHOWN_MAX // 2) if len(line) > LINE_SHOWN_MAX else 0
+    last = first + LINE_SHOWN_MAX
+    before, inside, after = map(visible, (line[first:start], line[start : min(end, last)], line[end:last]))
+    gutter = f"{number:>5} | "
+    yield gutter + before + inside + after
+    if inside or span.start >= offset:
+        yield " " * (len(gutter) - 2) + "| " + " " * _width(before) + underlined(max(1, _width(inside)))
+
+
+def visible(text: str) -> str:
+    """Return `text` with control characters replaced; white space becomes a space."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else " " if each in "\t\n\r" else "\ufffd" for each in text)
+
+
+def _width(text: str) -> int:
+    """Return the width of `text` in columns."""
+    if text.isascii():
+        return len(text)
+    from unicodedata import combining, east_asian_width  # noqa: PLC0415 - few sources need its tables
+
+    return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)

@@ -8,14 +8,48 @@ which robots choose among rules and hold actions back. Whether the program can b
 
 from dataclasses import dataclass
 
+from rmr.analysis.column_obstacles import Obstacle, obstacles
+from rmr.bytecode.program import Program
 from rmr.lang.compiler import Compilation
 from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
-from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
 from rmr.lang.explain.explained_ensemble import ExplainedEnsemble, explain_ensemble
 from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer, RankingBudget
 from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
-from rmr.lang.explain.texts import PredicateNames, Texts, environments
+from rmr.lang.explain.texts import PredicateNames, Spot, Texts, environments
 from rmr.lang.read.syntax import GoalItem
+
+OBSTACLES_MAX = 1000
+"""Largest number of listed obstacles; of further ones only the number."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedObstacle:
+    """A property of the program that rules out columns."""
+
+    text: str
+    place: Spot | None
+    """The place in the source; None if it concerns the whole program."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedColumns:
+    """Whether a program suits columns."""
+
+    suited: bool
+    obstacles: tuple[ExplainedObstacle, ...]
+    obstacles_left_out: int
+
+
+def explain_columns(program: Program) -> ExplainedColumns:
+    """Return whether `program` suits columns, and if not, why."""
+    found = obstacles(program)
+    listed = tuple([ExplainedObstacle(each.text, _spot(each)) for each in found[:OBSTACLES_MAX]])
+    return ExplainedColumns(not found, listed, len(found) - len(listed))
+
+
+def _spot(obstacle: Obstacle) -> Spot | None:
+    place = obstacle.place
+    return None if place is None else Spot(place.file, place.line, place.column)
 
 
 @dataclass(frozen=True, slots=True)

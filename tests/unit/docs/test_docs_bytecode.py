@@ -7,7 +7,7 @@ import pytest
 from doc_pages import blocks, codes, page, section, table
 
 from rmr.base.values import ROBOT_ID_MAX
-from rmr.bytecode import arithmetic, expressions, limits, part_checks, verify
+from rmr.bytecode import arithmetic, limits, part_checks, verify
 from rmr.bytecode.codec import encode
 from rmr.bytecode.conform import LENGTH_MAX, NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
@@ -112,7 +112,7 @@ def template(node):
 def reasons():
     """Return every text that the verifier may tell: what it yields, and what the check of the stack returns."""
     found = []
-    for module, kinds in ((verify, ast.Yield), (part_checks, ast.Yield), (expressions, (ast.Yield, ast.Return))):
+    for module, kinds in ((verify, ast.Yield), (part_checks, (ast.Yield, ast.Return))):
         nodes = (node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, kinds))
         found += [text for node in nodes if (text := template(node.value)) is not None]
     return set(found)

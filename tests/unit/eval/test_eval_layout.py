@@ -5,7 +5,7 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmr.eval.json_layout import WIDTH, laid_out
+from rmr.commands.eval_command import LINE_WIDTH, laid_out
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
@@ -32,4 +32,4 @@ def test_what_fits_stays_on_a_line_and_the_rest_has_an_item_a_line():
         "  ]",
         "}",
     ]
-    assert all(len(line) <= WIDTH + 1 for line in laid_out({"k": list(range(500))}).splitlines())
+    assert all(len(line) <= LINE_WIDTH + 1 for line in laid_out({"k": list(range(500))}).splitlines())

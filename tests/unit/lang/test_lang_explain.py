@@ -13,11 +13,11 @@ from lang_source import compiled
 from rmr.analysis import goal_levels
 from rmr.base.values import Robot, Symbol
 from rmr.commands.subcommands import command as main
+from rmr.lang import explain as told_columns
 from rmr.lang.analyse import fact_size as sizes
 from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
 from rmr.lang.explain import explained_assertions as told_assertions
-from rmr.lang.explain import explained_columns as told_columns
 from rmr.lang.explain import explained_ensemble as told_ensemble
 from rmr.lang.explain import explained_goals as told_goals
 from rmr.lang.explain import explained_rules as told_rules
