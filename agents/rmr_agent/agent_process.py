@@ -3,15 +3,24 @@
 Mistakes are reported in the order in which a user can correct them: the log file, and files that cannot be
 read (exit code 2), the byte-code and its actions (3), then the world (waited for). It imports little, so that fifty
 robots start in seconds.
+
+Normally a process has one robot, so a failure affects no other robot. Several robots in a process are for density:
+fifty robots then need a few interpreters, and one subscription for each cell of the floor instead of fifty. They share
+the session on the bus and the event loop, nothing else.
 """
 
 import argparse
+import asyncio
+import logging
 import sys
+from collections.abc import Sequence
 from functools import partial
 
 from rmr.base.ids import spelled
+from rmr.bus.admission import why_no_session
 from rmr.bus.process import (
     Ending,
+    Throttle,
     handle_signals,
     hold_lifeline,
     run_to_end,
@@ -19,14 +28,17 @@ from rmr.bus.process import (
 )
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret, SecretError, read_secret
+from rmr.bus.session import open_when_there, watch_admission
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr.record.run_files import attach_program
 from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
-from rmr_agent.robot_process import live
+from rmr_agent.robot import SAY_AGAIN_S, HostedRobot
 from rmr_agent.robot_setup import RobotSetup
 from rmr_agent.state_folder import StateFolder
+
+log = logging.getLogger("rmr")
 
 
 def _load(options: argparse.Namespace) -> RobotSetup:
@@ -51,7 +63,50 @@ def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolde
     return {robot: StateFolder(path, robot, loaded.digest, *own) for robot, path in folders.items()}
 
 
-async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
+async def live(
+    robots: Sequence[int],
+    connect: str,
+    lab: str | None,
+    setup: RobotSetup,
+    ending: Ending,
+    secret: Secret | None = None,
+    recorder: ProcessRecorder | None = None,
+) -> None:
+    """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
+    whose = f"lab {lab}'s" if lab else "the"
+    waiting = Throttle(
+        lambda: log.info("waiting for %s world at %s%s", whose, connect, why_no_session(connect)),
+        SAY_AGAIN_S,
+    )
+    opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting, secret))
+    if not await ending.unless_asked(opening):
+        return
+    bus = opening.result()
+    buses = [bus, *map(bus.seat, robots[1:])]
+    seated = zip(robots, buses, strict=True)
+    hosted = [HostedRobot(robot, robots[0], seat, connect, lab, setup, ending, recorder) for robot, seat in seated]
+    tasks = [] if recorder is None else [asyncio.ensure_future(recorder.keep_flushed())]
+    lives = asyncio.gather(*(robot.run() for robot in hosted))
+    asking = asyncio.ensure_future(_pass_on(ending, hosted))
+    admission = asyncio.ensure_future(watch_admission(bus, connect, secret, lambda why: log.warning("%s", why)))
+    try:
+        await lives
+    finally:
+        for task in (asking, admission, *tasks):
+            task.cancel()
+        if recorder is not None:
+            recorder.end()
+    ending.ask(hosted[-1].leaving.reason)
+
+
+async def _pass_on(ending: Ending, hosted: Sequence[HostedRobot]) -> None:
+    """Ask every robot to leave once the process shall end."""
+    await ending.wait()
+    for robot in hosted:
+        robot.leaving.ask(ending.reason, ending.code)
+
+
+async def _run(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
     attach = partial(attach_program, byte_code=setup.loaded.octets, actions=options.actions)
@@ -68,7 +123,7 @@ def perform(options: argparse.Namespace) -> int:
     """Run the robots that `options` describe until their end; return the exit code."""
     who = f"rmr-agent {spelled(options.id)}"
     try:
-        log = start_logging(who, options.log)
+        log_file = start_logging(who, options.log)
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
@@ -82,4 +137,4 @@ def perform(options: argparse.Namespace) -> int:
         print(f"{who}: {error}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
-    return run_to_end(_live(options, setup, secret, ending), ending, log)
+    return run_to_end(_run(options, setup, secret, ending), ending, log_file)

@@ -31,12 +31,10 @@ from rmr_agent.bytecode import RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
 from rmr_agent.local_air import LocalAir
-from rmr_agent.radio_security import make_security
 from rmr_agent.robot_recording import RobotRecording
-from rmr_agent.robot_setup import RobotSetup
+from rmr_agent.robot_setup import RobotSetup, make_security
+from rmr_agent.robot_telling import StatusPublisher, failure_words
 from rmr_agent.state_folder import StateFullError, begun_header
-from rmr_agent.status_publisher import StatusPublisher
-from rmr_agent.trace_words import failure_words
 
 SAY_AGAIN_S = 5.0
 """Period of the message that the robot waits for its world."""

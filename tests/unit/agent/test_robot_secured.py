@@ -6,7 +6,7 @@ from rmr.bus import wire
 from rmr.radio.frame import BROADCAST, DataFrame, decode
 from rmr.radio.security import FRAMES_MAX, LIVES_MAX, SecurityError
 from rmr_agent.bytecode import RefusedError
-from rmr_agent.radio_security import make_security
+from rmr_agent.robot_setup import make_security
 
 KEY = bytes(range(16))
 

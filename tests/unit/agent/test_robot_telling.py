@@ -4,7 +4,7 @@ import asyncio
 
 from rmr.bus import wire
 from rmr.bus.message_parts import TooLargeError
-from rmr_agent.status_publisher import StatusPublisher
+from rmr_agent.robot_telling import StatusPublisher
 
 STATUS = wire.Status("running", "", False, False, 0, {})
 

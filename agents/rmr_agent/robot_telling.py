@@ -1,4 +1,4 @@
-"""Publication of a robot's status together with its part of the report.
+"""What a robot process tells: its status together with its part of the report, and failures as sentences.
 
 A part of a few kilobytes is sent with every status. A larger one would take time from the robot's frames, so it is sent
 at the rate `REPORT_OCTETS_PER_S`, and always with the final status. Where it exceeds a message in parts, whole lists
@@ -6,13 +6,14 @@ are left out, and the report names them.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
 from rmr.bus import wire
 from rmr.bus.message_parts import TooLargeError
 from rmr.bus.session import Bus
+from rmr.node.actions.dispatcher import INTERRUPTED
 
 REPORT_OCTETS_PER_S = 1 << 20
 """A robot spends about one per cent of its time on a report of that length each second."""
@@ -54,3 +55,24 @@ class StatusPublisher:
             with suppress(TooLargeError):
                 return await self._bus.publish_whole(key, status._replace(report=report))
         return await self._bus.publish_whole(key, status)
+
+
+def failure_words(entry: Mapping[str, Any]) -> str | None:
+    """Return the failure that `entry` tells, in words; None if it tells none."""
+    match entry.get("what"):
+        case "action_ended" if entry["failure"] not in (None, *INTERRUPTED):
+            return f"action {entry['action']} failed: {entry['failure']}"
+        case "undelivered":
+            return f"{entry['predicate']} for robot {entry['destination']} was not delivered: {entry['why']}"
+        case "bound_reached":
+            return f"more than {entry['bound']} {entry['kept']}: the rest is dropped"
+        case "deadline_missed":
+            return f"deadline missed: {entry['job']}"
+        case "restless":
+            return "the program does not become quiescent: some rule is always satisfied"
+        case "repeats":
+            return f"a goal stays open: {entry['rule']} fires again and again for the same facts"
+        case "other_program":
+            return f"robot {entry['source']} runs another program: neither understands the other"
+        case _:
+            return None
