@@ -12,8 +12,8 @@ from rmr_sim.main import main
 from rmr_sim.run_setup import Options
 from rmr_sim.seed_run import row_of
 from rmr_sim.simulation import Simulation
+from rmr_sim.sweep import shared
 from rmr_sim.sweep_summary import failing_lines, quantile, summary_of
-from rmr_sim.sweep_workers import shared
 
 pytestmark = pytest.mark.medium
 

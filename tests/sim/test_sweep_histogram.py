@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from rmr_sim.sweep_histogram import BAR_WIDTH, BINS_MAX, binned, histogram_lines
+from rmr_sim.sweep_summary import BAR_WIDTH, BINS_MAX, binned, histogram_lines
 
 
 def rows(*ratios, finished=True, bound=True):

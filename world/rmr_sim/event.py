@@ -1,8 +1,8 @@
 """Events of a simulated run other than the actions of its robots: an instant and a callback (paper V.A).
 
 To add an event to a run, subclass `Event`, override `callback`, and hand an instance to `Simulation.schedule`. The
-simulator's own faults are such events. At one instant the tick comes first, then the events in the order in which they
-were scheduled, then the ends of frames on the air.
+lab's faults of robots are such events; disturbances of the radio are set from the beginning. At one instant the tick
+comes first, then the events in the order in which they were scheduled, then the ends of frames on the air.
 
 A callback is handed the running `rmr_sim.simulation.Simulation`. Its type is not named here: an import of that module
 would be a circle, and a narrower type would forbid users to annotate their own callbacks with `Simulation`.
@@ -10,11 +10,12 @@ would be a circle, and a narrower type would forbid users to annotate their own 
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from rmr.base.errors import Error
 from rmr.base.mistake import is_ctrl_c, place, words
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import Duration, Instant, in_seconds
+from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
 
 DEFERRED = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
 """Tests for functions whose call does not run their body."""
@@ -85,3 +86,48 @@ def described(what: str, now: Instant, function: Callable[..., object], error: B
     code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
     where = "no Python file" if code is None else place(error, code.co_filename, code.co_firstlineno)
     return f"{what} at {in_seconds(now):.3f} s: {words(error)} ({where})"
+
+
+class FaultTarget(Protocol):
+    """The methods of `Simulation` that faults call."""
+
+    def kill(self, robot: int) -> None:
+        """Kill the process of `robot`."""
+
+    def is_dead(self, robot: int) -> bool:
+        """Return whether `robot` has been killed and not been restarted."""
+
+    def restart(self, robot: int) -> None:
+        """Start `robot` again, without memory."""
+
+    def stall(self, robot: int, until: Instant) -> None:
+        """Stop the process of `robot` until `until`."""
+
+    def slow(self, robot: int, until: Instant, every: Duration) -> None:
+        """Call the node of `robot` once in `every` nanoseconds only, until `until`."""
+
+    def silence(self, robot: int, until: Instant) -> None:
+        """Let `robot` receive no localisation pulse until `until`."""
+
+
+class FaultEvent(Event):
+    """A fault of a robot happens. A fault with an end ends by itself."""
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(fault.at if isinstance(fault, Kill | Restart) else fault.start)
+        self.fault = fault
+
+    def callback(self, simulation: FaultTarget) -> None:
+        """Apply the fault."""
+        match self.fault:
+            case Kill(robot=robot):
+                simulation.kill(robot)
+            case Restart(robot=robot):
+                if simulation.is_dead(robot):  # a user's event may have restarted it already
+                    simulation.restart(robot)
+            case Stall(end=end, robot=robot):
+                simulation.stall(robot, end)
+            case Slow(end=end, robot=robot, every=every):
+                simulation.slow(robot, end, every)
+            case Outage(end=end, robot=robot):
+                simulation.silence(robot, end)

@@ -78,7 +78,7 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
         for text in loaded.warnings:
             print(text, end="", file=sys.stderr)
         if arguments.resume is not None:
-            from rmr_sim.sweep_command import resume
+            from rmr_sim.sweep import resume
 
             return resume(arguments, loaded, out)
         folder = make_run_folder(loaded.lab.name, arguments.run)
@@ -87,7 +87,7 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
 
             return hunt(arguments, loaded, folder, out)
         if arguments.seeds is not None:
-            from rmr_sim.sweep_command import sweep
+            from rmr_sim.sweep import sweep
 
             return sweep(arguments, loaded, folder, out)
         return _run(arguments, loaded, folder, out, viewer)

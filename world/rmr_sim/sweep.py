@@ -1,24 +1,33 @@
-"""A sweep: runs of one lab with many seeds, and the files that they write.
+"""A sweep, `rmr sim LAB --seeds A-B`: runs of one lab with many seeds, their summary, and the files that they write.
 
 The run folder gets `rows.jsonl`, with a row for each seed as soon as its run ends, and finally `sweep.json`, with all
 rows and their summary. Each seed that failed gets a folder `failed/seed-N` with its report, its trace and, after an
-internal error, `breakdown.txt`. A folder that becomes unwritable does not end the sweep: only these files are lost.
+internal error, `breakdown.txt`. A folder that becomes unwritable does not end the sweep: only these files are lost. A
+sweep that ended early goes on with `--resume`. Each worker process loads the lab once and runs one seed at a time.
 """
 
+import argparse
+import json
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
+from rmr.entry import ExitCode
+from rmr_sim.arguments import command_of, cores
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
-from rmr_sim.run_setup import LoadedLab
-from rmr_sim.seed_run import Result, Row, fails, run_seed
-from rmr_sim.sweep_rows import Rows
-from rmr_sim.sweep_summary import summary_of
-from rmr_sim.sweep_workers import shared
+from rmr_sim.run_setup import LoadedLab, Options, load
+from rmr_sim.seed_run import Result, Row, exit_code, fails, lost, run_seed
+from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
+from rmr_sim.sweep_summary import failing_lines, histogram_lines, lines_of, summary_of
+from rmr_sim.worker_pool import WorkerPool
+from rmr_world.finding import LabError
+from rmr_world.lab_program import ProgramError
 from rmr_world.run_report import write
 
 SWEEP_FILE = "sweep.json"
@@ -29,6 +38,55 @@ PROGRESS_PERIOD_S_MAX = 600.0
 """Longest time between two lines of progress; the time doubles up to this bound."""
 KEPT_MAX = 100
 """Bound of the failing seeds whose report and trace are kept: each takes a megabyte of disk."""
+
+
+def resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> int:
+    """Go on with a sweep that ended early; return the exit code."""
+    folder = arguments.resume
+    try:
+        arguments.seeds = arguments.seeds or seeds_of(folder)
+        rows = taken_up(folder, head(arguments, loaded.lab, arguments.seeds))
+    except ResumeError as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        return ExitCode.USAGE
+    print(f"resuming: {len(rows)} of {len(arguments.seeds)} runs are over", file=sys.stderr)
+    return sweep(arguments, loaded, folder, out, rows)
+
+
+def sweep(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, rows: Sequence[Row] = ()) -> int:
+    """Carry out a sweep, in which the runs with `rows` are over; return the exit code."""
+    loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
+    began = time.perf_counter()
+    file = Rows(folder, head(arguments, loaded.lab, arguments.seeds), rows)
+    sweep = Sweep(loaded, arguments.seeds, folder, file, rows)
+    interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))
+    wall_s = time.perf_counter() - began
+    command = command_of(arguments)
+    text = json.dumps(sweep.document(command), indent=1, sort_keys=True)
+    written = _sum_up(folder, text)
+    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *histogram_lines(sweep.rows, out)]
+    lines += failing_lines(sweep.rows, command)
+    if not written:
+        lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in sweep.rows)]
+    print(text if arguments.json else "\n".join(lines), file=out)
+    where = f"all rows are in {folder / SWEEP_FILE}" if written else "all rows are on standard output"
+    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; {where}"
+    again = f"; to go on: {command} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
+    print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
+    if interrupted or not written or any(map(fails, sweep.rows)):
+        return ExitCode.FAILED
+    return max((exit_code(row, strict=arguments.strict) for row in sweep.rows), default=0)
+
+
+def _sum_up(folder: Path, text: str) -> bool:
+    """Write `sweep.json`, into a new folder where the old one is gone; return whether that was possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SWEEP_FILE).write_text(text + "\n")
+    except OSError as error:
+        print(f"rmr sim: cannot write {folder / SWEEP_FILE}: {error.strerror}", file=sys.stderr)
+        return False
+    return True
 
 
 class Sweep:
@@ -176,3 +234,20 @@ def _progress(total: int) -> Iterator[Callable[[bool], None]]:
             shown.update(task, advance=1, description=f"runs, {failed} failed" if failed else "runs")
 
         yield tell
+
+
+def shared(
+    path: Path, options: Options, seeds: Sequence[int], jobs: int, interruption: Interruption
+) -> Iterator[Result]:
+    """Yield the result of each seed as it comes, from `jobs` processes; end early when Ctrl-C comes."""
+    with WorkerPool(min(jobs, len(seeds)), partial(_runner, path, options), lost) as pool:
+        for _, result in pool.outcomes(seeds, interruption):
+            yield result
+
+
+def _runner(path: Path, options: Options) -> Callable[[int], Result]:
+    """Return the runner of a seed. The files were valid when the sweep began; a later mistake in them is reported."""
+    try:
+        return partial(run_seed, load(path, options))
+    except (LabError, ProgramError, OSError) as error:
+        return partial(lost, error=str(error))
