@@ -184,7 +184,7 @@ def _order(verb: str) -> Callable[..., int]:
 
 
 def _usage(**options: Any) -> int:
-    from rmr_deploy.process_usage import show_usage
+    from rmr_deploy.fleet_listing import show_usage
 
     return show_usage(**options)
 

@@ -25,22 +25,17 @@ from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
-from rmr_deploy.fault_schedule import FaultSchedule
-from rmr_deploy.lab_loads import performed_loads
-from rmr_deploy.outages import ask_outage
 from rmr_deploy.page_start import PageStart, open_page
-from rmr_deploy.preparation import RunPlan, free_port
-from rmr_deploy.process_commands import agent_command, world_command
-from rmr_deploy.process_faults import ProcessFaults
+from rmr_deploy.preparation import RunPlan, agent_command, free_port, world_command
+from rmr_deploy.process_faults import FaultSchedule, ProcessFaults, ask_outage
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
-from rmr_deploy.program_watch import watched
 from rmr_deploy.restarts import Restarts
 from rmr_deploy.robot_lives import RobotLives
-from rmr_deploy.run_end import judged_end, names, patiently, unready, who_came_back, who_ended
+from rmr_deploy.run_end import judged_end, names, patiently, sweep, unready, who_came_back, who_ended
+from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
 from rmr_deploy.run_status import told_facts, told_status
-from rmr_deploy.run_sweep import sweep
 from rmr_deploy.screen import Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL, STOPPED

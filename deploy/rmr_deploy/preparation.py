@@ -1,4 +1,4 @@
-"""What a run needs before its first process starts: a valid lab, a compiled program, a folder, a port.
+"""What a run needs before its first process starts: a valid lab, a compiled program, a folder, a port, command lines.
 
 Everything that a person can get wrong is found here, so that nothing has to be stopped because of it: the lab
 file and the program are judged as a whole, with every mistake shown, and the lab's own facts and finish
@@ -7,12 +7,14 @@ pattern are judged against the program. `RunRefusedError` carries the message an
 
 import contextlib
 import socket
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from rmr.base.file_errors import naming
+from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
@@ -231,3 +233,23 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def world_command(plan: RunPlan, endpoint: str) -> list[str]:
+    """Return the command that starts the world."""
+    lab = plan.lab
+    options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
+
+
+def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:
+    """Return the command that starts the process of the robots `robots`."""
+    actions = ["--actions", str(plan.options.actions)] if plan.options.actions else []
+    files = (["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []) + plan.state(robots)
+    options = ["--id", spelled(robots), "--connect", endpoint, "--lab", plan.lab.name, *actions, *files]
+    return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]
+
+
+def python(module: str) -> list[str]:
+    """Return the command that runs `module` with this interpreter; -P: without the current folder in its path."""
+    return [sys.executable, "-P", "-m", module]

@@ -1,4 +1,4 @@
-"""Orders about the processes of robots: kill, stop, start, restart, pause, and faults. The launcher carries them out.
+"""Orders about the robots of a run: kill, stop, start, restart, pause, and faults. The launcher carries them out.
 
 A crash is a kill that stands for a failure of the robot: the restart policy applies to it, as it does not to what a
 person has killed. A slow process is stopped and continued in turn, so that it runs for one tick in each period.
@@ -7,19 +7,29 @@ A robot that was killed or stopped is absent, as with ``--keep-going``: the run 
 process that is started in its place. Its name gets a number: ``robot-3`` is followed by ``robot-3.1``.
 
 What is done to a process like a fault of the lab file is noted in `entries`, in the form of such a file, for report
-and recording: a pause is a stall whose length is known when it is over.
+and recording: a pause is a stall whose length is known when it is over. An outage of the localisation is asked of the
+world, which holds the sensors.
+
+Faults of robots in the lab file become such orders when their time has come. `rmr sim` performs them at the exact
+instant; here the launcher does so when it hears that lab time has passed it, up to 0.2 s later. Faults that find a
+robot dead, or a restart that finds it alive, have no effect, as in the simulator. The radio's disturbances are the
+world's affair.
 """
 
 import asyncio
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf, isfinite
 from typing import Any, TypeGuard
 
+from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr_deploy.process_group import Child
 from rmr_deploy.restarts import next_name
 from rmr_deploy.run_requests import FAULT_S_MAX
+from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world.faults import fault_entry, fault_line
+from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
 
 TURN_S = 1 / 60
 """How long a slow process runs in each period: one tick."""
@@ -229,3 +239,68 @@ class ProcessFaults:
 def _is_length(value: object) -> TypeGuard[float]:
     """Whether `value` is a number of seconds that a fault may last."""
     return isinstance(value, int | float) and isfinite(value) and 0.0 < value <= FAULT_S_MAX
+
+
+class FaultSchedule:
+    """The faults of a lab that are still to come."""
+
+    def __init__(self, faults: Iterable[Fault], perform: Callable[[Mapping[str, Any]], str]) -> None:
+        """`perform` carries out a request to the launcher and returns why it is refused."""
+        self._perform = perform
+        numbered = sorted((_begin(fault), i, fault) for i, fault in enumerate(faults))
+        self._due = [(begin, fault) for begin, _, fault in numbered]
+
+    def will_restart(self, robot: int) -> bool:
+        """Whether a restart of `robot` is still to come."""
+        return any(isinstance(fault, Restart) and fault.robot == robot for _, fault in self._due)
+
+    def perform_due(self, now: Instant) -> list[tuple[str, dict[str, Any]]]:
+        """Perform what is due; return a sentence about each fault, and its entry."""
+        told = []
+        while self._due and self._due[0][0] <= now:
+            _, fault = self._due.pop(0)
+            entry = fault_entry(fault)
+            refused = self._perform(_request(fault, now))
+            told.append((f"the lab file: {fault_line(entry)}{': ' if refused else ''}{refused}", entry))
+        return told
+
+
+def _begin(fault: Fault) -> Instant:
+    return fault.at if isinstance(fault, Kill | Restart) else fault.start
+
+
+def _request(fault: Fault, now: Instant) -> dict[str, Any]:
+    """Return a fault that begins `now` as a request to the launcher."""
+    match fault:
+        case Kill(robot=robot):
+            return {"do": "crash", "robot": robot}
+        case Restart(robot=robot):
+            return {"do": "start", "robot": robot}
+        case Stall(end=end, robot=robot):
+            return {"do": "stall", "robot": robot, "for_s": _left_s(end - now)}
+        case Slow(end=end, robot=robot, every=every):
+            return {"do": "slow", "robot": robot, "for_s": _left_s(end - now), "every_s": in_seconds(every)}
+        case Outage(end=end, robot=robot):
+            return {"do": "outage", "robot": robot, "for_s": _left_s(end - now)}
+
+
+def _left_s(left: Duration) -> float:
+    return max(0.001, in_seconds(left))
+
+
+def ask_outage(
+    monitor: StatusMonitor | None, roster: Sequence[int], request: Mapping[str, Any], entries: list[dict[str, Any]]
+) -> str:
+    """Let a robot hear no beacon for a while, and note it in `entries`; return why that is refused, or nothing."""
+    robot = request.get("robot")
+    for_s = request.get("for_s")
+    if type(robot) is not int or robot not in roster:
+        return "there is no such robot in this run"
+    if not _is_length(for_s):
+        return f"an outage lasts up to {FAULT_S_MAX:g} s"
+    if monitor is None or not monitor.running(roster):
+        return "lab time does not run yet"
+    now_s = round(monitor.now_s, 3)
+    monitor.silence(robot, monitor.now + seconds(for_s))
+    entries.append({"from": now_s, "to": round(now_s + for_s, 3), "outage": robot})
+    return ""

@@ -1,11 +1,19 @@
-"""Whether a run has reached its end, and sentences on how: which robots finished, and what became of the others."""
+"""The end of a run: whether it is reached, which robots finished and what became of the others, and what is left to do.
+
+When the last process has ended, the run folder is swept.
+"""
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
+from contextlib import suppress
 
 from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
+from rmr_deploy.event_log import EventLog
+from rmr_deploy.preparation import RunPlan
+from rmr_deploy.process_group import ProcessGroup, said
+from rmr_deploy.run_requests import end_requests
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.lab import Lab
 from rmr_world.quorum import Fate, absence, by_fate, is_met
@@ -68,3 +76,30 @@ def who_came_back(fates: Mapping[str, Fate]) -> str:
 def names(robots: Sequence[int]) -> str:
     """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
     return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
+
+
+def sweep(
+    plan: RunPlan,
+    processes: ProcessGroup,
+    died: Container[str],
+    monitor: StatusMonitor | None,
+    events: EventLog,
+    say: Callable[[str], None],
+) -> None:
+    """Sweep the run folder after the last process has ended, and say what is wrong with it.
+
+    Errors of processes that exited in order are shown; their plain output is removed, for their logs hold it, too.
+    """
+    for child in processes.children:
+        if child.name not in died:
+            for line in said(child.output):
+                say(f"{child.name}: {line}")
+            with suppress(OSError):
+                child.output.unlink()
+    end_requests(plan.folder)
+    if not plan.logs.is_dir():
+        say(f"{plan.folder} was removed during the run: its logs and compiled program are lost")
+    elif events.failure:
+        say(f"the log of events is cut short: {events.failure}")
+    for name, why in monitor.cut_logs() if monitor is not None else ():
+        say(f"the log of {name} is cut short: {why}")

@@ -1,4 +1,4 @@
-"""`rmr why`: finds the recording, asks the question, prints the answer."""
+"""`rmr why`: finds the recording, asks the question, prints the answer; `--missed`: what went into missed deadlines."""
 
 import json
 import shlex
@@ -12,14 +12,15 @@ from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Recording, open_recording
 from rmr.why.absence import why_not
+from rmr.why.delay_text import delay_data, delay_text, delays_text, undelivered_data, undelivered_text
+from rmr.why.missed_jobs import FORM, asked_delay, missed_delays, undelivered
 from rmr.why.past import Past
 from rmr.why.question import WhyError, question
-from rmr.why.replayed_histories import ReplayedHistories, UnexplainableError
+from rmr.why.replayed_histories import RecordedHistories, ReplayedHistories, UnexplainableError, run_history
 from rmr.why.rule_words import seconds_text
 from rmr.why.why_answer import why
 from rmr.why.why_text import absence_dot, absence_text, why_dot, why_text
 from rmr.why.why_tree import AbsenceAnswer, WhyAnswer
-from rmr_deploy.missed_run import explain_missed
 from rmr_deploy.run_choice import FleetError, chosen_run
 from rmr_world.run_report import REPORT_FILE
 from rmr_world.run_warnings import position_warnings
@@ -139,3 +140,56 @@ def _drawn(answer: WhyAnswer | AbsenceAnswer) -> str:
 
 def _written(answer: WhyAnswer | AbsenceAnswer) -> str:
     return why_text(answer) if isinstance(answer, WhyAnswer) else absence_text(answer)
+
+
+# --- rmr why --missed
+
+
+def explain_missed(
+    folder: Path, where: str, robot: int | None, asked: str | None, at: Instant | None, *, timeline: bool, as_json: bool
+) -> int:
+    """Explain the job that is `asked` for, or list all missed deadlines (of `robot` alone); return the exit code."""
+    if asked is None and (timeline or at is not None):
+        raise CommandLineError(f"{'--timeline' if timeline else '--at'} is for one job: {FORM}")
+    try:
+        with open_recording(folder) as recording:
+            run = run_history(recording)
+    except (RecordingError, UnexplainableError) as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.INVALID
+    try:
+        _show_delays(run, where, robot, asked, at, timeline=timeline, as_json=as_json)
+    except WhyError as error:
+        print(f"rmr why: {error}", file=sys.stderr)
+        return ExitCode.USAGE
+    for problem in run.problems:
+        print(f"rmr why: {problem}", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _show_delays(
+    run: RecordedHistories,
+    where: str,
+    robot: int | None,
+    asked: str | None,
+    at: Instant | None,
+    *,
+    timeline: bool,
+    as_json: bool,
+) -> None:
+    if asked is not None:
+        job = asked if robot is None or "@" in asked else f"{asked}@{robot}"
+        delays = [asked_delay(run, job, at)]
+    else:
+        delays = [delay for delay in missed_delays(run) if robot in (None, delay.robot)]
+    lost = undelivered(run, 0 if asked is None else delays[0].job.start)
+    if as_json:
+        told = {
+            "delays": [delay_data(delay) for delay in delays],
+            "undelivered": undelivered_data(lost),
+            "problems": list(run.problems),
+        }
+        print(json.dumps(told, indent=2))
+        return
+    text = delays_text(delays, shlex.quote(where)) if asked is None else delay_text(delays[0], timeline=timeline)
+    print(text + undelivered_text(lost), end="")

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from rmr.base.time import NS_PER_MS, NS_PER_S, seconds
-from rmr_deploy.fault_schedule import FaultSchedule
-from rmr_deploy.outages import ask_outage
+from rmr_deploy.process_faults import FaultSchedule, ask_outage
 from rmr_world.lab import Kill, Outage, Restart, Slow, Stall
 
 S = NS_PER_S

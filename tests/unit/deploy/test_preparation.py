@@ -10,8 +10,7 @@ import pytest
 from rmr.bus.secret import read_secret
 from rmr.entry import ExitCode
 from rmr_deploy import preparation
-from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
-from rmr_deploy.process_commands import agent_command, world_command
+from rmr_deploy.preparation import RunOptions, RunRefusedError, agent_command, make_plan, world_command
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 
