@@ -6,7 +6,8 @@ Facts at an earlier instant are folded from the trace, which is kept at the leve
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
 from math import inf
 from typing import Any
 
@@ -18,7 +19,6 @@ from rmr.radio.links import Disturbance
 from rmr.record.record_writer import RecordWriter
 from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulation import Simulation
-from rmr_view.fact_fold import robot_at
 from rmr_view.mind_twins import sensed_facts
 from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import FAULT_KEYS, take
@@ -37,6 +37,8 @@ PRESENT_S = 0.1
 """What is younger than this is asked of the robot itself."""
 ROUTE_MAX = 200
 """Points of a route at most."""
+FIRED_MAX = 50
+"""Firings, actions and achieved goals that are listed at most, the newest."""
 
 
 class SimulatedSource:
@@ -302,3 +304,51 @@ def _entry(record: FaultRecord | Disturbance) -> dict[str, Any]:
     if record.until >= NEVER:
         return {"at": in_seconds(record.at), key: record.robot}
     return {"from": in_seconds(record.at), "to": in_seconds(record.until), key: record.robot}
+
+
+# --- facts at an earlier instant
+
+
+def robot_at(entries: Iterable[dict[str, Any]], robot: int, t: float, sensed: Collection[str] = ()) -> dict[str, Any]:
+    """Return facts, achieved goals, firings and actions of `robot` at `t`, from the entries of a trace.
+
+    `sensed` are the names of the predicates that robots state by themselves.
+    """
+    facts: Counter[str] = Counter()
+    fired: list[dict[str, Any]] = []
+    achieved: list[list[Any]] = []
+    actions: list[dict[str, Any]] = []
+    for entry in entries:
+        if entry["robot"] != robot or entry["t"] > t:
+            continue
+        what = entry["what"]
+        if what == "inserted":
+            facts[entry["fact"]] += 1
+        elif what == "removed":
+            facts[entry["fact"]] -= 1
+        elif what == "fired":
+            fired.append({"t": entry["t"], "rule": entry["rule"]})
+        elif what == "achieved":
+            achieved.append([entry["goal"], entry["t"]])
+        elif what == "action":
+            actions.append({"begin_s": entry["t"], "action": entry["action"], "end_s": None, "failure": None})
+        elif what == "action_ended":
+            _end_action(actions, entry)
+        elif what == "fault" and entry["fault"] == "restarted":
+            facts.clear()
+    held = sorted(fact for fact, count in facts.items() for _ in range(count))
+    return {
+        "facts": [fact for fact in held if fact.partition("(")[0] not in sensed],
+        "sensed": [fact for fact in held if fact.partition("(")[0] in sensed],
+        "goals": {"achieved": achieved[-FIRED_MAX:], "open": None},
+        "fired": fired[-FIRED_MAX:],
+        "actions": actions[-FIRED_MAX:],
+    }
+
+
+def _end_action(actions: list[dict[str, Any]], entry: dict[str, Any]) -> None:
+    for action in reversed(actions):
+        if action["action"] == entry["action"] and action["end_s"] is None:
+            action["end_s"] = entry["t"]
+            action["failure"] = entry["failure"]
+            return

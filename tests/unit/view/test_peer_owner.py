@@ -7,11 +7,11 @@ import sys
 import pytest
 from served_page import FilledSource, served
 
-from rmr_view import peer_owner
-from rmr_view.peer_owner import is_stranger, owner_of
+from rmr_view import access_guard
+from rmr_view.access_guard import is_stranger, owner_of
 
 pytestmark = pytest.mark.skipif(
-    sys.platform != "linux" or not peer_owner.TABLE.exists(), reason="needs the table of sockets"
+    sys.platform != "linux" or not access_guard.SOCKET_TABLE.exists(), reason="needs the table of sockets"
 )
 
 
@@ -29,7 +29,7 @@ def test_socket_of_this_user_is_found_and_is_no_stranger():
 def test_client_of_another_user_is_refused(monkeypatch):
     with served(FilledSource()) as browser:
         assert browser.fetch("/api/run")[0] == 200
-        monkeypatch.setattr(peer_owner, "owner_of", lambda *_: os.geteuid() + 4711)
+        monkeypatch.setattr(access_guard, "owner_of", lambda *_: os.geteuid() + 4711)
         status, content, _ = browser.fetch("/api/run")
         assert (status, content["error"]) == (403, "this page belongs to another user of this machine")
         with pytest.raises(Exception, match="403"):
