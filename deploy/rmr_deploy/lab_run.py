@@ -34,9 +34,8 @@ from rmr_world import run_report
 from rmr_world.faults import process_run_faults
 from rmr_world.incarnations import merged_report
 from rmr_world.lab import Lab
-from rmr_world.missed_hint import missed_hint, view_hint
 from rmr_world.quorum import ALL, NEVER_CAME, STOPPED, met_at
-from rmr_world.run_warnings import run_warnings, unhandled_failures, unsendable_facts
+from rmr_world.run_warnings import missed_hint, run_warnings, unhandled_failures, unsendable_facts, view_hint
 
 
 def perform(options: RunOptions, background: DetachedOutput | None = None) -> int:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rmr_view.floor_drawing import FLOOR_STYLE, FloorDrawing
 from rmr_view.keyframes import Keyframes
-from rmr_view.run_data import RunData, Track
+from rmr_view.run_data import RunData, Track, thinned, unwrapped
 from rmr_view.run_pictures import time_end
 from rmr_view.svg_picture import (
     KIND_COLOURS,
@@ -28,7 +28,6 @@ from rmr_view.svg_picture import (
     robot_class,
     star_path,
 )
-from rmr_view.thinning import thinned, unwrapped
 from rmr_view.turn_intervals import GONE
 
 WIDTH: Final = 900.0

@@ -7,8 +7,7 @@ import asyncio
 import time
 from typing import Any
 
-from rmr_view.json_text import json_text
-from rmr_view.page_client import EntryBatch, PageClient
+from rmr_view.page_client import EntryBatch, PageClient, json_text
 from rmr_view.run_history import KINDS, Triple
 from rmr_view.run_source import RunSource
 

@@ -31,10 +31,9 @@ from rmr_deploy.run_choice import FleetError
 from rmr_deploy.run_requests import RequestError, put_request
 from rmr_view.control_order import AT_ROBOTS
 from rmr_view.mind_worker import MindWorker
-from rmr_view.program_text import program_of
 from rmr_view.recorded_messages import take
 from rmr_view.run_history import RunHistory
-from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
+from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions, program_of
 from rmr_world.lab import Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.run_report import REPORT_FILE

@@ -3,12 +3,14 @@
 - Poses and the clock: the newest wins. A slow client sees fewer frames of the map, and never an old one.
 - Entries of trace, radio and logs: up to `QUEUED_MAX` wait; beyond that all that wait are dropped, and the client gets
   the message `lost` with the instant from which it should fetch them.
+
+What the server sends is compact JSON (`json_text`).
 """
 
 import asyncio
-from typing import NamedTuple
-
-from rmr_view.json_text import json_text
+import json
+from math import isfinite
+from typing import Any, NamedTuple
 
 QUEUED_MAX = 5_000
 """Entries of each kind that wait for a client at most."""
@@ -71,3 +73,21 @@ class PageClient:
         self._lost.clear()
         self._last.clear()
         return messages
+
+
+def json_text(value: Any) -> str:
+    """Return `value` as compact JSON; infinities and NaN become null."""
+    try:
+        return json.dumps(value, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(value), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    return value

@@ -8,7 +8,7 @@ from itertools import accumulate
 from typing import Any, Final
 
 from rmr_view.floor_drawing import FLOOR_STYLE, FloorDrawing
-from rmr_view.run_data import RunData
+from rmr_view.run_data import RunData, thinned
 from rmr_view.svg_picture import (
     KIND_COLOURS,
     LABEL_STYLE,
@@ -24,7 +24,6 @@ from rmr_view.svg_picture import (
     time_axis,
     value_axis,
 )
-from rmr_view.thinning import thinned
 
 WIDTH: Final = 900.0
 LEFT: Final = 90.0

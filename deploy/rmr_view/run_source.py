@@ -5,12 +5,15 @@ process, so that the server's loop never waits for them. All times are seconds o
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rmr_view.run_history import RunHistory
 
 ENTRIES_MAX = 5_000
 """Entries of one answer at most."""
+OCTETS_MAX = 1 << 20
+"""Octets of a source that are shown at most."""
 
 
 class RequestRefusedError(Exception):
@@ -96,3 +99,15 @@ class RunSource(Protocol):
 
     async def close(self) -> None:
         """Let go of files, threads and processes."""
+
+
+def program_of(path: Path) -> dict[str, str | None]:
+    """Return name and source of the program in `path`; the source is None for byte-code, or if it cannot be read."""
+    source = None
+    if path.suffix != ".rbc":
+        try:
+            with path.open("rb") as file:
+                source = file.read(OCTETS_MAX).decode(errors="replace")
+        except OSError:
+            source = None
+    return {"name": path.name, "source": source}

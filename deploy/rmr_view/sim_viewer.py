@@ -14,8 +14,8 @@ from rmr_sim.sim_command import perform as simulate
 from rmr_sim.simulation import Simulation
 from rmr_view.access_guard import new_token
 from rmr_view.page_server import PageServer, PageServerError, bind
-from rmr_view.program_text import program_of
 from rmr_view.run_pacer import RunPacer
+from rmr_view.run_source import program_of
 from rmr_view.simulated_source import SimulatedSource
 
 

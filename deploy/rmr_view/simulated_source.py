@@ -17,7 +17,7 @@ from rmr.base.time import NEVER, NS_PER_S, Instant, in_seconds, seconds
 from rmr.bytecode.program import Kind
 from rmr.radio.links import Disturbance
 from rmr.record.record_writer import RecordWriter
-from rmr_sim.fault_record import FaultRecord
+from rmr_sim.event import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_view.mind_twins import sensed_facts
 from rmr_view.mind_worker import MindWorker

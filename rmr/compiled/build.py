@@ -54,7 +54,6 @@ HOT = (
     "rmr/record/foxglove_messages.py",
     "rmr/record/mcap_format.py",
     "rmr/record/mcap_writer.py",
-    "rmr/record/pose_recorder.py",
     "rmr/record/record_writer.py",
     "rmr/record/robot_observer.py",
     "world/rmr_sim/robot_host.py",

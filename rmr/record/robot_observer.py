@@ -1,4 +1,4 @@
-"""Writes what one robot shows of itself: its estimated pose, route, state, trace and transmissions.
+"""Writes the true poses of all robots, and what each shows of itself: estimated pose, route, state, trace, radio.
 
 Hosts look at the robot as often as they like; a message is written when something has changed, and not more often than
 its channel allows.
@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any, Final
 
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import NS_PER_S, Duration, Instant, seconds
-from rmr.record.foxglove_messages import estimate_frame, transforms_json
+from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, seconds
+from rmr.record.foxglove_messages import estimate_frame, robot_frame, transforms_json
 from rmr.record.record_writer import RecordWriter
 
 ESTIMATES_EVERY: Final[Duration] = NS_PER_S // 10
@@ -19,6 +19,25 @@ STATUS_EVERY: Final[Duration] = NS_PER_S
 """Least time between two states of one robot."""
 SLACK: Final[Duration] = 1_000
 """Ticks begin at whole nanoseconds: six of them may be a little shorter than a tenth of a second."""
+POSES_TICKS: Final = TICK_HZ // 10
+"""Ticks between two looks at the true poses."""
+
+
+class PoseRecorder:
+    """The channel `/tf`, true poses: ten times a second while any robot moves, once a second while none does."""
+
+    def __init__(self, writer: RecordWriter) -> None:
+        self._writer = writer
+        self._last: list[tuple[str, float, float, float]] = []
+        self._due: Instant = 0
+
+    def take(self, now: Instant, poses: Iterable[tuple[int, Pose]]) -> None:
+        """Take the poses of all robots, by id."""
+        present = [(robot_frame(robot), pose.x, pose.y, pose.theta) for robot, pose in poses]
+        if present != self._last or now >= self._due:
+            self._last = present
+            self._due = now + NS_PER_S
+            self._writer.write("/tf", now, partial(transforms_json, now, present))
 
 
 class RobotObserver:

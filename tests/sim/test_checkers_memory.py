@@ -4,7 +4,7 @@ from lab_maker import small_lab
 
 from rmr.base.time import seconds
 from rmr.coord.events import Entered, LeadershipBegan, LeadershipEnded, SlotAssigned, SlotLost
-from rmr_sim.checkers import recent_table
+from rmr_sim.checkers import run_view
 
 KEPT = 20
 EVENTS = 100
@@ -21,7 +21,7 @@ def kept(simulation):
 
 
 def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(recent_table, "KEPT_MAX", KEPT)
+    monkeypatch.setattr(run_view, "KEPT_MAX", KEPT)
     simulation = small_lab(tmp_path, "idle(R).\nidle(R), never(R) -o done(R).\n", robots=2)
     before = kept(simulation)
     for number in range(EVENTS):
@@ -42,8 +42,8 @@ def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
 
 
 def test_the_entries_set_last_are_kept(monkeypatch):
-    monkeypatch.setattr(recent_table, "KEPT_MAX", 2)
-    table = recent_table.RecentTable()
+    monkeypatch.setattr(run_view, "KEPT_MAX", 2)
+    table = run_view.RecentTable()
     for key in "abac":
         table[key] = None
     assert list(table) == ["a", "c"]

@@ -5,7 +5,7 @@ from lab_maker import small_lab
 
 from rmr.base.time import NEVER, seconds
 from rmr_sim.checkers.run_view import RunView
-from rmr_sim.fault_record import FaultRecord
+from rmr_sim.event import FaultRecord
 
 IDLE = "idle(R).\nidle(R), never(R) -o done(R).\n"
 

@@ -24,7 +24,7 @@ def _declare_check(parser: Parser) -> None:
 
 def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
     """Check labs, and programs by themselves; return the exit code."""
-    from rmr_lab.check_output import perform
+    from rmr_lab.lab_check import perform
 
     if svg is not None and len(paths) != 1:
         raise CommandLineError("--svg draws one lab: name one")

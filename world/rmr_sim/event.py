@@ -10,7 +10,7 @@ would be a circle, and a narrower type would forbid users to annotate their own 
 
 import inspect
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rmr.base.errors import Error
 from rmr.base.mistake import is_ctrl_c, place, words
@@ -86,6 +86,17 @@ def described(what: str, now: Instant, function: Callable[..., object], error: B
     code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
     where = "no Python file" if code is None else place(error, code.co_filename, code.co_firstlineno)
     return f"{what} at {in_seconds(now):.3f} s: {words(error)} ({where})"
+
+
+class FaultRecord(NamedTuple):
+    """A fault of one robot."""
+
+    at: Instant
+    until: Instant
+    """End of a fault that lasts; else NEVER."""
+    robot: int
+    fault: str
+    """The trace's word: killed, restarted, stalled, slowed or silenced."""
 
 
 class FaultTarget(Protocol):

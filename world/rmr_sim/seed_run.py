@@ -5,10 +5,14 @@ any order. A failed run comes with its report and trace. An internal error (an a
 is kept as well; the sweep goes on.
 """
 
+import json
 import time
 import traceback
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from rmr.base.file_errors import naming
 from rmr.base.mistake import words
 from rmr.entry import ExitCode
 from rmr_sim.event import EventError
@@ -22,6 +26,7 @@ from rmr_world.run_warnings import unhandled_failures, unsendable_facts
 
 Row = dict[str, Any]
 """A seed's entry in sweep.json; `docs/simulation.md` describes its keys."""
+BREAKDOWN_FILE = "breakdown.txt"
 
 
 class Result(NamedTuple):
@@ -138,3 +143,10 @@ def exit_code(row: dict[str, Any], *, strict: bool) -> int:
     if strict and (row["deadlines"]["missed"] or row["collisions"]):
         return ExitCode.STRICT
     return 0
+
+
+def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write a trace as JSON lines. Raises OSError with the name of the file."""
+    with naming(path), path.open("w") as file:
+        for entry in entries:
+            file.write(json.dumps(entry) + "\n")

@@ -24,18 +24,16 @@ from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
-from rmr_sim.seed_run import exit_code, row_of
+from rmr_sim.seed_run import BREAKDOWN_FILE, exit_code, row_of, write_trace
 from rmr_sim.simulation import Simulation
 from rmr_world.faults import fault_lines
 from rmr_world.finding import LabError
 from rmr_world.lab_file import lab_path
 from rmr_world.lab_program import ProgramError
-from rmr_world.missed_hint import missed_hint, view_hint
 from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
-from rmr_world.run_warnings import run_warnings
+from rmr_world.run_warnings import missed_hint, run_warnings, view_hint
 
 if TYPE_CHECKING:
     from rmr.record.record_writer import RecordWriter

@@ -15,9 +15,8 @@ from rmr.node.ports import Spoken
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.links import Disturbance
 from rmr.record.foxglove_messages import grid, log_message, scene
-from rmr.record.pose_recorder import POSES_TICKS, PoseRecorder
 from rmr.record.record_writer import RecordWriter
-from rmr.record.robot_observer import RobotObserver
+from rmr.record.robot_observer import POSES_TICKS, PoseRecorder, RobotObserver
 from rmr.record.run_about import about_run
 from rmr.record.run_files import REPORT, attach_files
 from rmr_sim.run_setup import LoadedLab

@@ -26,8 +26,7 @@ from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
-from rmr_sim.event import Event, EventError, FaultEvent, call_observer, checked, instant
-from rmr_sim.fault_record import FaultRecord
+from rmr_sim.event import Event, EventError, FaultEvent, FaultRecord, call_observer, checked, instant
 from rmr_sim.robot_host import RobotHost
 from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import VIOLATIONS_MAX, Violation

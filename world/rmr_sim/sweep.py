@@ -20,9 +20,8 @@ from typing import Any, TextIO
 from rmr.entry import ExitCode
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_output import BREAKDOWN_FILE, write_trace
 from rmr_sim.run_setup import LoadedLab, Options, load
-from rmr_sim.seed_run import Result, Row, exit_code, fails, lost, run_seed
+from rmr_sim.seed_run import BREAKDOWN_FILE, Result, Row, exit_code, fails, lost, run_seed, write_trace
 from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, histogram_lines, lines_of, summary_of
 from rmr_sim.worker_pool import WorkerPool

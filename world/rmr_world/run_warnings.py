@@ -1,10 +1,13 @@
-"""Warnings about a run that is over, from its report: failures and losses that did not end the run.
+"""What is said of a run that is over, from its report: failures and losses that did not end it, and how to go on.
 
 These are failed actions, undelivered messages, entries that a robot dropped at a bound, and omissions of the report.
-The launcher and the simulator print these lines to standard error after the table.
+The launcher and the simulator print these lines to standard error after the table, and then the commands that show the
+run and tell why deadlines were missed.
 """
 
+import shlex
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from rmr.bus.late_messages import ROW_MIN
@@ -117,3 +120,25 @@ def _omitted(parts: Mapping[str, Mapping[str, Any]], report: Mapping[str, Any]) 
             yield f"the report leaves out the {count} oldest {what}{deadlines}"
     if report.get("violations_omitted"):
         yield f"the report leaves out {report['violations_omitted']} violations"
+
+
+def view_hint(recording: Path) -> str:
+    """Return the last line of a run that was recorded in a folder or a file: the command that shows it."""
+    return f"see it: rmr view {shlex.quote(str(recording))}"
+
+
+def missed_hint(report: Mapping[str, Any], recording: Path) -> list[str]:
+    """Return the line to print for a run with this report, which was recorded in a folder or a file; or no line."""
+    missed = [
+        (job["deadline_s"], int(robot), job["name"])
+        for robot, part in report["robots"].items()
+        for job in part.get("assertions", ())
+        if job["met"] is False
+    ]
+    if not missed:
+        return []
+    command = f"rmr why {shlex.quote(str(recording))} --missed"
+    _, robot, name = min(missed)
+    if len(missed) == 1:
+        return [f"why a deadline was missed: {command} {name}@{robot}"]
+    return [f"why {len(missed)} deadlines were missed: {command}; of one: {command} {name}@{robot}"]

@@ -8,8 +8,8 @@ from rmr.base.time import Instant
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.radio.links import Disturbance
 from rmr.record.foxglove_messages import grid, scene
-from rmr.record.pose_recorder import PoseRecorder
 from rmr.record.record_writer import RecordWriter
+from rmr.record.robot_observer import PoseRecorder
 from rmr_world.faults import fault_entry
 from rmr_world.lab import Lab
 

@@ -14,8 +14,7 @@ from rmr.coord.messages import Entry, FrameKind, MessageError, Phase, Sched, dec
 from rmr.coord.term import Term
 from rmr.node.ports import Spoken
 from rmr_sim.checkers.passage_checker import TIMING
-from rmr_sim.checkers.recent_table import RecentTable
-from rmr_sim.checkers.run_view import RunView
+from rmr_sim.checkers.run_view import RecentTable, RunView
 
 SETTLE: Duration = seconds(5)
 """Time for two leaders in radio range to agree: many repetitions of their schedules."""

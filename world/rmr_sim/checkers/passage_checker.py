@@ -15,8 +15,7 @@ from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.coord.timing import Timing, same_direction
 from rmr.node.crossing.situation import Unforeseen
-from rmr_sim.checkers.recent_table import RecentTable
-from rmr_sim.checkers.run_view import TICK, RunView
+from rmr_sim.checkers.run_view import TICK, RecentTable, RunView
 
 TIMING = Timing()
 NO_COUNTER = -1

@@ -22,8 +22,7 @@ from rmr.node.motion.obstruction import closest_solid, robots_named
 from rmr.node.standstill import Motion, motion_state
 from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.nearing import Nearings
-from rmr_sim.checkers.recent_table import RecentTable
-from rmr_sim.checkers.run_view import RunView
+from rmr_sim.checkers.run_view import RecentTable, RunView
 
 STANDS_STILL = "stands still"
 NO_NEARER = "no nearer"

@@ -1,12 +1,14 @@
 """The checkers' view of a run: its robots, their faults, and the state of the radio between them.
 
 Some rules hold only in the absence of certain faults: no protocol keeps robots apart that cannot hear each other, and a
-stopped robot does not act on time. A checker asks here before it reports a violation.
+stopped robot does not act on time. A checker asks here before it reports a violation. What it remembers of events, jobs
+and terms is bounded (`RecentTable`), so that a lab may run for days.
 """
 
 import math
+from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.node.motion.localiser import MISTAKEN_M
@@ -14,7 +16,7 @@ from rmr.node.node import Node
 from rmr.radio.links import SHADOWING_SIGMAS, Disturbance
 from rmr.radio.phy import path_loss_db
 from rmr.vm.job import TimedJob
-from rmr_sim.fault_record import FaultRecord
+from rmr_sim.event import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import Violation
 from rmr_world.lab import Kill, Restart
@@ -25,6 +27,11 @@ LOSS_FAIR = 0.5
 """Loss above which a link counts as cut: of twelve beacons in a row none may arrive."""
 MARGIN_DB = 6.0
 """Margin above the receiver's sensitivity with which a link counts as reliable."""
+K = TypeVar("K")
+V = TypeVar("V")
+
+KEPT_MAX = 10_000
+"""Bound of the entries of a table, more than any lab has events or terms at a time: older ones are settled."""
 
 
 class RunView:
@@ -176,3 +183,14 @@ def _end(one: FaultRecord | Disturbance) -> Instant:
     if one.until == NEVER and one.attenuation_db == 0.0 and one.loss <= LOSS_FAIR:
         return 0
     return one.until
+
+
+class RecentTable(OrderedDict[K, V]):
+    """A table of the `KEPT_MAX` entries that were set last."""
+
+    def __setitem__(self, key: K, value: V) -> None:
+        """Set an entry and make it the newest."""
+        super().__setitem__(key, value)
+        self.move_to_end(key)
+        if len(self) > KEPT_MAX:
+            self.popitem(last=False)
