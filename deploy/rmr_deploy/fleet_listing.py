@@ -104,7 +104,7 @@ def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as
 
 
 def told_status(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) -> dict[str, Any] | None:
-    """Return what the launcher tells of its run (`rmr_deploy.run_status`).
+    """Return what the launcher tells of its run (`rmr_deploy.robot_lives`).
 
     None if it is not there or does not answer; `note` is called with the reason for the latter.
     """

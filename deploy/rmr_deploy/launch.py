@@ -30,12 +30,11 @@ from rmr_deploy.preparation import RunPlan, agent_command, free_port, world_comm
 from rmr_deploy.process_faults import FaultSchedule, ProcessFaults, ask_outage
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
 from rmr_deploy.restarts import Restarts
-from rmr_deploy.robot_lives import RobotLives
+from rmr_deploy.robot_lives import RobotLives, told_facts, told_status
 from rmr_deploy.run_end import judged_end, names, patiently, sweep, unready, who_came_back, who_ended
 from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
-from rmr_deploy.run_status import told_facts, told_status
 from rmr_deploy.screen import Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL, STOPPED

@@ -24,7 +24,7 @@ from rmr.record.recording import PARTS_FOLDER
 from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr.record.run_files import attach_files
 from rmr_deploy.resolved_lab import write_lab
-from rmr_deploy.restart_policy import RestartPolicy
+from rmr_deploy.restarts import RestartPolicy
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import lab_path, load_lab

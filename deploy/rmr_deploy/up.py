@@ -26,7 +26,7 @@ use the bus of the run, which has a secret (the file secret in the run folder), 
 def _declare(parser: "Parser") -> None:
     from rmr.base.streams import SEED_MAX
     from rmr.entry.command_line import real, whole
-    from rmr_deploy.restart_policy import restart_policy
+    from rmr_deploy.restarts import restart_policy
     from rmr_world.provided_labs import existing_lab
 
     parser.positional("lab", "LAB", read=existing_lab)

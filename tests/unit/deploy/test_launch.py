@@ -16,7 +16,7 @@ from rmr.bus.secret import make_secret
 from rmr_deploy.lab_run import exit_code, make_report
 from rmr_deploy.launch import LabRun
 from rmr_deploy.preparation import RunOptions, RunPlan
-from rmr_deploy.restart_policy import RestartPolicy
+from rmr_deploy.restarts import RestartPolicy
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from rmr_deploy.process_group import Child
-from rmr_deploy.restart_policy import FIRST_PAUSE_S, PAUSE_S_MAX, STEADY_S, RestartPolicy, restart_policy
-from rmr_deploy.restarts import Restarts, next_name
+from rmr_deploy.restarts import FIRST_PAUSE_S, PAUSE_S_MAX, STEADY_S, RestartPolicy, Restarts, next_name, restart_policy
 
 
 @pytest.mark.parametrize(
