@@ -25,7 +25,7 @@ _HOMES = {
     "compile": "rmr.eval.api",
     "evaluate": "rmr.eval.api",
     "EventError": "rmr_sim.event",
-    "invariant": "rmr_sim.user_invariants",
+    "invariant": "rmr_sim.user_events",
     "LabError": "rmr_world.finding",
     "Run": "rmr_sim.simulation_api",
     "simulate": "rmr_sim.simulation_api",

@@ -27,7 +27,7 @@ from rmr_deploy.resolved_lab import write_lab
 from rmr_deploy.restarts import RestartPolicy
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab, ProgramLoad
-from rmr_world.lab_file import lab_path, load_lab
+from rmr_world.lab_file import lab_path, load_lab, radio_key
 from rmr_world.lab_program import (
     LoadedProgram,
     ProgramError,
@@ -36,7 +36,6 @@ from rmr_world.lab_program import (
     load_lab_program,
     validated,
 )
-from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
 
 

@@ -1,17 +1,20 @@
 """The verifier's checks of the parts of an entry: patterns, atoms, bodies, expressions, derived items.
 
 Each check is a generator of reasons, empty if the part is sound. A constant or expression is examined once for all
-entries that share it.
+entries that share it: checking a long list again for every entry that refers to it would let a small forged file take
+hours.
 
 An expression is first examined by itself, independent of its uses: operands are in range; jumps stay inside and go
 forward; every instruction is reachable; on every path the stack holds the operands of each instruction, and exactly one
 value is left. Whether its slots are bound is checked at each use.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from rmr.base.record import record
-from rmr.bytecode.constants import Constants
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.conform import conforms, sound
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
 from rmr.bytecode.opcodes import FORMS, Op, Operand
@@ -47,6 +50,56 @@ DRAWN = frozenset(index for index, function in enumerate(FUNCTIONS) if function.
 """Indices of the functions of chance."""
 JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
 """Instructions with a jump target."""
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
+
+# ---- constants
+
+
+def is_name(text: str) -> bool:
+    """Tell whether `text` is an identifier: of a predicate, a symbol, a symbol set or an assertion."""
+    return _NAME.fullmatch(text) is not None
+
+
+class Constants:
+    """Checks of constants, memoised by identity: the checked values must outlive the object.
+
+    Decoded entries share the values of the table of constants.
+    """
+
+    def __init__(self) -> None:
+        self._proper: dict[int, bool] = {}
+        self._conforming: dict[tuple[int, str], bool] = {}
+
+    def proper(self, value: Value) -> bool:
+        """Tell whether a program may hold `value`: it is sound, and its symbols are names."""
+        if type(value) is not tuple:
+            return _is_proper(value)
+        if id(value) not in self._proper:
+            self._proper[id(value)] = sound(value) and _is_proper(value)
+        return self._proper[id(value)]
+
+    def conforms(self, value: Value, kind: Type) -> bool:
+        """Tell whether a program may hold `value` in the place of type `kind`."""
+        if type(value) is not tuple:
+            return self.proper(value) and conforms(value, kind)
+        key = (id(value), _shape(kind))
+        if key not in self._conforming:
+            self._conforming[key] = self.proper(value) and conforms(value, kind)
+        return self._conforming[key]
+
+
+def _is_proper(value: Value) -> bool:
+    if type(value) is tuple:
+        return all(map(_is_proper, value))
+    return is_name(value) if type(value) is Symbol else sound(value)
+
+
+def _shape(kind: Type) -> str:
+    """Return a key of the type without the names of symbol sets, which conformance ignores."""
+    if kind.base is Base.LIST:
+        return "list " + (_shape(kind.element) if kind.element is not None else "")
+    return kind.base.name
+
 
 # ---- an expression by itself
 

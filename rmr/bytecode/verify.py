@@ -14,9 +14,8 @@ from itertools import islice, pairwise
 
 from rmr.base.values import ROBOT_ID_MAX, Robot
 from rmr.bytecode.conform import NESTING_MAX
-from rmr.bytecode.constants import is_name
 from rmr.bytecode.limits import exceeded
-from rmr.bytecode.part_checks import Checks, result_type
+from rmr.bytecode.part_checks import Checks, is_name, result_type
 from rmr.bytecode.program import (
     GOALS_OF,
     REFERRING_DUTIES,

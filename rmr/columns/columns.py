@@ -1,7 +1,8 @@
 """Vectorised run of all robots: in each step every robot that is not quiescent fires once.
 
 In a step each row takes one of its satisfied rules of the best rank: the first in the text, or one drawn with one draw
-from the row's stream. A row without a choice draws nothing.
+from the row's stream. A row without a choice draws nothing. The streams are those of `rmr.base.streams.Choices`, for a
+column of robots: SplitMix64 on unsigned 64-bit integers.
 """
 
 from collections.abc import Iterator, Sequence
@@ -9,10 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rmr.analysis.column_obstacles import NUMBER, obstacles
+from rmr.base.streams import Choices, stable_hash
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
 from rmr.columns.block import Block, Follows, owned, stated_values
-from rmr.columns.choices import below
 from rmr.columns.column_goals import ColumnGoals, Report
 from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, unless
@@ -21,6 +22,10 @@ from rmr.columns.rules import MatchedRows, column_rules
 ROWS = 1 << 14
 """Robots of a block: the columns of one step fit into a second-level cache, and the overhead of numpy's calls is
 small."""
+
+_GAMMA = np.uint64(Choices.GAMMA)
+_ONE, _OTHER = (np.uint64(each) for each in Choices.MULTIPLIERS)
+_27, _30, _31, _32 = (np.uint64(each) for each in (27, 30, 31, 32))
 
 
 class Columns:
@@ -230,3 +235,26 @@ class Columns:
     def octets(self) -> int:
         """Memory of all columns, in octets."""
         return sum(block.octets for block in self.blocks)
+
+
+# --- streams of choices
+
+
+def streams(names: Sequence[str]) -> Array:
+    """Return the states of the streams with these names."""
+    return np.fromiter(map(stable_hash, names), np.uint64, len(names))
+
+
+def below(states: Array, bounds: Array) -> Array:
+    """Return for each stream one of 0 .. bound - 1, and move the streams on in place."""
+    states += _GAMMA
+    mixed = states >> _30
+    mixed ^= states
+    mixed *= _ONE
+    mixed ^= mixed >> _27
+    mixed *= _OTHER
+    mixed ^= mixed >> _31
+    mixed >>= _32
+    mixed *= bounds
+    mixed >>= _32
+    return mixed

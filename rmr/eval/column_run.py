@@ -10,8 +10,7 @@ from typing import Any
 from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.base.time import Instant, tick_start
 from rmr.bytecode.program import Program
-from rmr.columns.choices import streams
-from rmr.columns.columns import Columns
+from rmr.columns.columns import Columns, streams
 from rmr.eval.deaths import Death
 from rmr.eval.ensemble import FIRINGS_MAX, Conditions, most
 from rmr.eval.eval_ether import Messages

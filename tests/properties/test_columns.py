@@ -6,8 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rmr.bytecode.program import Program
-from rmr.columns.choices import streams
-from rmr.columns.columns import Columns
+from rmr.columns.columns import Columns, streams
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import Engine
 

@@ -12,10 +12,9 @@ import pytest
 
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value, format_value
-from rmr.bytecode.constants import Constants
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.part_checks import examine
+from rmr.bytecode.part_checks import Constants, examine
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.bytecode.scope import type_of_value
 from rmr.vm.evaluate import NoValue, evaluate

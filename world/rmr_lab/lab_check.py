@@ -35,10 +35,9 @@ from rmr_world.bound import bound_s, destinations
 from rmr_world.document import read
 from rmr_world.finding import Finding, LabError
 from rmr_world.lab import PROGRAM_SUFFIXES, Lab
-from rmr_world.lab_file import lab_path, load_lab
+from rmr_world.lab_file import lab_path, load_lab, radio_key
 from rmr_world.lab_program import ProgramError, load_program, program_missing
 from rmr_world.narrow_places import narrow_places
-from rmr_world.radio_key import radio_key
 from rmr_world.validate.first_instant import first_destinations
 from rmr_world.validate.pipeline import run_findings
 

@@ -20,11 +20,10 @@ from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
-from rmr_sim.user_events import load_events
-from rmr_sim.user_invariants import InvariantChecker
+from rmr_sim.user_events import InvariantChecker, load_events
 from rmr_world.faults import fault_entries
 from rmr_world.lab import Lab, ProgramLoad
-from rmr_world.lab_file import load_lab
+from rmr_world.lab_file import load_lab, radio_key
 from rmr_world.lab_program import (
     LoadedProgram,
     later_programs,
@@ -32,7 +31,6 @@ from rmr_world.lab_program import (
     load_lab_program,
     validated,
 )
-from rmr_world.radio_key import radio_key
 from rmr_world.run_report import assemble
 
 

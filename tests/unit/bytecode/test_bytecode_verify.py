@@ -435,9 +435,7 @@ def test_an_expression_that_many_entries_share_is_looked_at_once(monkeypatch):
 
 
 def test_a_list_that_many_entries_share_is_looked_at_once(monkeypatch):
-    from rmr.bytecode import constants
-
-    calls = counted(monkeypatch, constants, "sound")
+    calls = counted(monkeypatch, part_checks, "sound")
     hand = Hand()
     p = hand.temporary("p", Type(Base.LIST, element=INT))
     shared = tuple(range(30))

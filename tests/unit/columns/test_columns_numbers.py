@@ -12,7 +12,7 @@ from rmr.base.streams import Choices
 from rmr.base.values import INT_MAX, INT_MIN
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.program import Base
-from rmr.columns.choices import below, streams
+from rmr.columns.columns import below, streams
 from rmr.columns.numbers import WORK, write
 
 EDGE = [0, 1, -1, 2, 3, -7, 10, 1 << 31, (1 << 53) - 1, 1 << 53, (1 << 53) + 1, -(1 << 53) - 1, 3037000500, -3037000500]

@@ -7,7 +7,7 @@ from rmr.bus import wire
 from rmr.bus.process import Ending
 from rmr.radio.security import LEVELS
 from rmr_world.finding import LabError
-from rmr_world.radio_key import radio_key
+from rmr_world.lab_file import radio_key
 from rmr_world.schema import RadioSpec
 from rmr_world.server import WorldServer
 
