@@ -190,13 +190,13 @@ def _usage(**options: Any) -> int:
 
 
 def _facts(robots: list[tuple[int, ...]], **options: Any) -> int:
-    from rmr_deploy.robot_facts import show_facts
+    from rmr_deploy.fleet_listing import show_facts
 
     return show_facts([robot for group in robots for robot in group], **options)
 
 
 def _config(**options: Any) -> int:
-    from rmr_deploy.robot_facts import show_config
+    from rmr_deploy.fleet_listing import show_config
 
     return show_config(**options)
 

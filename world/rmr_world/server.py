@@ -29,8 +29,7 @@ from rmr_world.incarnation_claims import IncarnationClaims
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
-from rmr_world.world_messages import map_of, sense_of, truth_of
-from rmr_world.world_recorder import WorldRecorder
+from rmr_world.world_messages import WorldRecorder, map_of, sense_of, truth_of
 from rmr_world.world_state import SAVE_EVERY, WorldFolder
 
 START_DELAY = milliseconds(100)

@@ -7,7 +7,7 @@ from rmr.bus.process_recorder import ProcessRecorder
 from rmr.radio.links import Disturbance
 from rmr.record.recording import open_recording
 from rmr_world.lab_file import load_lab
-from rmr_world.world_recorder import WorldRecorder
+from rmr_world.world_messages import WorldRecorder
 
 LAB = Path(__file__).parents[3] / "deploy" / "labs" / "corridor"
 TENTH = 10**8
