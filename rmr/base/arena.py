@@ -123,6 +123,11 @@ class FloorPassage:
         object.__setattr__(self, "mouths", tuple(area.places[0] for area in self.entrances))
 
     @property
+    def by_event(self) -> bool:
+        """Whether its turns are those of the robots' events: jobs of different events do not exclude each other."""
+        return self.name == BOTTLENECK
+
+    @property
     def ends(self) -> Iterator[tuple[Point, Area]]:
         """Its mouths with their areas."""
         return zip(self.mouths, self.entrances, strict=True)
@@ -207,6 +212,11 @@ class Arena:
     def passage(self, name: str | None) -> FloorPassage | None:
         """Return the passage called `name`, or None."""
         return next((passage for passage in self.passages if passage.name == name), None)
+
+    @property
+    def has_shared_passages(self) -> bool:
+        """Whether there are passages whose turns are those of all robots, whatever their events."""
+        return any(not passage.by_event for passage in self.passages)
 
     def clearance(self, x: float, y: float) -> float:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""

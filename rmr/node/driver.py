@@ -7,16 +7,16 @@ A body moves on while its samples wait for a processor. So the speed depends on 
 the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Final
 
-from rmr.base.arena import Area
+from rmr.base.arena import Area, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
-from rmr.node.area_places import in_order, nearest_free
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
@@ -35,6 +35,12 @@ ACT_REFRESH: Final[Duration] = milliseconds(33)
 STALE: Final[Duration] = milliseconds(100)
 """With an older sample the robot stands: it describes another situation. A body that stands is sampled at least this
 often, one that drives in each frame."""
+SPOT_GAP_M: Final = 0.06
+"""Gap between the hulls of two robots that stand in one box."""
+SPOT_INSET_M: Final = 0.03
+"""Distance of a spot from the box's edge, so that localisation noise does not put the robot outside."""
+SPOTS_MAX: Final = 64
+"""Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
 """Rank of a robot that has none: it comes after all others."""
 
@@ -268,7 +274,8 @@ class Driver:
         stands or by the roster; of a box the spot nearest to its middle that is free. Who has the smaller `rank` goes
         first.
         """
-        first = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
+        places = spots(self.arena, area)
+        index = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
         taken = [
             Point(*hello.goal)
             for robot, hello in peers.claims(now)
@@ -276,8 +283,7 @@ class Driver:
             and (hello.parked or (hello.rank or NO_RANK, robot) < (rank or NO_RANK, self._robot))
         ]
         radius = self.arena.shape.radius
-        places = in_order(self.arena, area, first)
-        return nearest_free(places, taken, radius, peers.parked(now), 2.0 * radius + TIGHT_MARGIN_M)
+        return nearest_free(places, index, taken, radius, peers.parked(now), 2.0 * radius + TIGHT_MARGIN_M)
 
     def _unranked(self, area: Area) -> int:
         """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""
@@ -315,7 +321,7 @@ class Driver:
             return True
         if hello.parked and distance(*place, hello.x, hello.y) <= 2.0 * radius + TIGHT_MARGIN_M:
             return True
-        return outside and area.slotted and rank > 0 and place != in_order(self.arena, area, which - 1)[0]
+        return outside and area.slotted and rank > 0 and place != area.places[(which - 1) % len(area.places)]
 
     def choose_again(self, now: Instant, peers: Peers) -> Point | None:
         """Return another place, as what has been heard of others has it; None: keep this one, or it leads back."""
@@ -356,3 +362,39 @@ def watched(twist: Twist, unwatched: Duration, within: Duration) -> Twist:
         return twist
     share = within / unwatched
     return Twist(share * twist.v, share * twist.w)
+
+
+def nearest_free(
+    places: Sequence[Point], first: int, claimed: Sequence[Point], reach_m: float, stood: Sequence[Point], room_m: float
+) -> Point:
+    """Return place `first` or the next one (cyclically) that is free; `first` if none is.
+
+    It is not, if it is within `reach_m` of one that is `claimed`, or within `room_m` of where a robot has `stood`.
+    """
+    for offset in range(len(places)):
+        place = places[(first + offset) % len(places)]
+        free = all(distance(*place, *at) > reach_m for at in claimed)
+        if free and all(distance(*place, *at) > room_m for at in stood):
+            return place
+    return places[first % len(places)]
+
+
+@lru_cache(maxsize=64)
+def spots(arena: Arena, area: Area) -> tuple[Point, ...]:
+    """Return where robots may stand in `area`: its places, or the spots that fit a box, from its middle outwards."""
+    if area.box is None:
+        return area.places
+    x0, y0, x1, y1 = area.box
+    middle = area.places[0]
+    across = _row(x1 - x0, arena.shape.radius)
+    up = _row(y1 - y0, arena.shape.radius)
+    offsets = sorted((dx * dx + dy * dy, dx, dy) for dx in across for dy in up)[:SPOTS_MAX]
+    points = (Point(middle.x + dx, middle.y + dy) for _, dx, dy in offsets)
+    return tuple(point for point in points if arena.clearance(*point) > arena.shape.radius) or area.places
+
+
+def _row(length_m: float, radius_m: float) -> list[float]:
+    """Return the offsets from the middle of as many robots as stand side by side with their centres in `length_m`."""
+    step = 2 * radius_m + SPOT_GAP_M
+    count = 1 + max(0, int((length_m - 2 * SPOT_INSET_M) / step))
+    return [(i - (count - 1) / 2) * step for i in range(min(count, SPOTS_MAX))]

@@ -27,7 +27,9 @@ def status_of(node: ReportedNode, now: Instant, queue: int) -> dict[str, Any]:
         "progress": progress(node, now),
         "finished": node.finished(),
         "leads": [
-            crossings.name_of(event) for event, schedule in crossings.schedules.items() if schedule.leader == node.robot
+            str(crossings.name_of(event) or event.hex())
+            for event, schedule in crossings.schedules.items()
+            if schedule.leader == node.robot
         ],
         "queue": queue,
     }

@@ -149,7 +149,7 @@ def schedules(node: ReportedNode) -> list[dict[str, Any]]:
     """Return the newest schedule of each event that the robot has heard or made."""
     return [
         {
-            "event": node.crossings.name_of(event),
+            "event": str(node.crossings.name_of(event) or event.hex()),
             "leader": schedule.leader,
             "term": schedule.term,
             "order": list(schedule.order),

@@ -520,8 +520,7 @@ def test_a_robot_that_polls_with_short_sleeps_and_does_not_move_stands_still(tmp
 
 def test_robots_that_wait_for_their_turn_while_others_pass_do_not_stand_still(tmp_path):
     text = (LABS / "testbed" / "lab.yaml").read_text("utf-8")
-    corner = text.replace("entry: {at: [0.5, 0.75]}", "entry: {at: [0.4, 1.4]}")
-    corner += "passages: {}\n"  # each is inside for long
+    corner = text.replace("entry: {at: [0.5, 0.75]}", "entry: {at: [0.4, 1.4]}")  # each is inside for long
     assert corner != text
     (tmp_path / "lab.yaml").write_text(corner, "utf-8")
     (tmp_path / "testbed.rmr").write_text((LABS / "testbed" / "testbed.rmr").read_text("utf-8"), "utf-8")

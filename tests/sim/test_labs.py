@@ -59,7 +59,7 @@ def test_the_test_bed_takes_one_to_six_robots(robots):
 def test_one_leader_makes_one_schedule_in_the_order_of_the_deadlines():
     report = run("corridor", 7)
     (schedule,) = report["schedule"]
-    assert schedule["event"] == "bottleneck"
+    assert schedule["event"] == "crossing"
     assert schedule["leader"] in schedule["order"] or schedule["leader"] in report["due"]
     assert schedule["formed_s"] < report["time_s"]
 

@@ -245,7 +245,6 @@ areas:
   store: {slots: [[2.7, 1.5], [2.7, 1.8], [2.7, 2.1]]}
   station: {slots: [[0.3, 1.2], [0.6, 1.2], [0.9, 1.2]]}
 bottleneck: {mouths: [south_west, south_east]}
-PASSAGES
 robots:
   - {ids: 1-3, grid: {from: [0.3, 0.3], step: [0.3, 0], columns: 3}}
   - {ids: 4-6, grid: {from: [0.3, 2.1], step: [0.3, 0], columns: 3}}
@@ -273,8 +272,8 @@ others: assert(other(R), at(R, OTHER), 60, say(R, "late")).
 
 @pytest.mark.medium
 @pytest.mark.parametrize("other", ["store", "station"])
-def test_event_whose_drives_pass_no_passage_with_turns_stays_exclusive(tmp_path, other):
-    (tmp_path / "lab.yaml").write_text(AISLES.replace("OTHER", other).replace("PASSAGES", "passages: {}"))
+def test_event_whose_drives_do_not_pass_the_bottleneck_stays_exclusive(tmp_path, other):
+    (tmp_path / "lab.yaml").write_text(AISLES.replace("OTHER", other))
     (tmp_path / "aisles.rmr").write_text(TWO_EVENTS.replace("OTHER", other))
     simulation = prepare(tmp_path, seed=1)
     assert simulation.run()
@@ -285,18 +284,3 @@ def test_event_whose_drives_pass_no_passage_with_turns_stays_exclusive(tmp_path,
     assert overlaps(whole_drives) == []
     passages = sorted((entered[robot], left[robot], robot) for robot in (1, 2, 3))
     assert overlaps(passages) != [], "passages of the bottleneck in one way follow each other by a headway"
-
-
-@pytest.mark.medium
-def test_jobs_of_another_event_take_turns_at_the_bottleneck_and_in_the_aisle_beside_it(tmp_path):
-    (tmp_path / "lab.yaml").write_text(AISLES.replace("OTHER", "store").replace("PASSAGES", ""))
-    (tmp_path / "aisles.rmr").write_text(TWO_EVENTS.replace("OTHER", "store"))
-    simulation = prepare(tmp_path, seed=1)
-    assert simulation.run()
-    entered = {e["robot"]: (e["event"], e["t"]) for e in traced(simulation, "entered")}
-    left = {e["robot"]: e["t"] for e in traced(simulation, "left")}
-    assert sorted(entered) == [1, 2, 3, 4, 5, 6]
-    assert {event for event, _ in entered.values()} == {"bottleneck"}, "all drive east, and keep to the right"
-    assert [passage.name for passage in simulation.lab.arena.passages] == ["bottleneck", "passage_2"]
-    through = sorted((entered[robot][1], left[robot], robot) for robot in entered)
-    assert overlaps(through) != [], "they follow each other by a headway"

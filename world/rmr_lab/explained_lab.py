@@ -176,7 +176,7 @@ def _drive(lab: Lab, use: PassageUse, drive: FirstDrive) -> ExplainedDrive | Non
 
 
 def _scheduled(use: PassageUse, drive: FirstDrive) -> str:
-    if use.named is not None and drive.route.gate_m is not None:
+    if use.named is not None and drive.needs_turn(use.named) and drive.route.gate_m is not None:
         return IN_TURNS
     if drive.job is None or drive.gated:
         return WITHOUT_TURN
@@ -214,7 +214,9 @@ def _turn(lab: Lab, program: Program, assertion: Assertion) -> ExplainedTurn:
     if not gated and (drives or not lab.arena.passages):
         over = "all of the held actions: one robot of the event at a time"
         return ExplainedTurn(assertion.name, held, events, over, action, whole)
-    over = "the passages for drives that pass one, else all of the held actions, one robot of the event at a time"
+    shared = lab.arena.has_shared_passages
+    what = "the passages for drives that pass one" if shared else "the bottleneck for drives that pass it"
+    over = f"{what}, else all of the held actions, one robot of the event at a time"
     begins = f"the robot is at the entrance, else {action}"
     return ExplainedTurn(
         assertion.name, held, events, over, begins, f"its hull is out of the narrow section, else {whole}"

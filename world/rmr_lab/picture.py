@@ -11,7 +11,7 @@ from html import escape
 
 from rmr.base.arena import Area, Arena, Disc
 from rmr.base.geometry import Point
-from rmr.node.area_places import spots
+from rmr.node.driver import spots
 from rmr.node.motion.keep_right import gated_route
 from rmr_world.bound import bound_s
 from rmr_world.lab import Lab, RobotStart

@@ -36,6 +36,8 @@ class NamedPassage:
     areas: tuple[str, ...]
     """The areas at its entrances."""
     entrances: tuple[Point, ...]
+    by_event: bool
+    """Whether its turns exclude jobs of one event only, and not all that drive through."""
     found: bool = False
 
 
@@ -60,6 +62,10 @@ class FirstDrive:
     def gated(self) -> bool:
         """Whether its turn is a passage that the lab names, and not the whole drive or a station."""
         return self.job is not None and self.route.gate_m is not None and not self.to_station
+
+    def needs_turn(self, passage: NamedPassage) -> bool:
+        """Return whether it goes by turns at a passage that the lab names."""
+        return self.job is not None or not passage.by_event
 
 
 @record
@@ -97,6 +103,7 @@ def named_passages(arena: Arena) -> tuple[NamedPassage, ...]:
             _path(passage),
             tuple(area.name for area in passage.entrances),
             passage.mouths,
+            by_event=passage.by_event,
             found=passage.found,
         )
         for passage in arena.passages
@@ -106,7 +113,7 @@ def named_passages(arena: Arena) -> tuple[NamedPassage, ...]:
 def _path(passage: FloorPassage) -> FilePath:
     if passage.found:
         return ("arena",)
-    return (BOTTLENECK,) if passage.name == BOTTLENECK else ("passages", passage.name)
+    return (BOTTLENECK,) if passage.by_event else ("passages", passage.name)
 
 
 @lru_cache(maxsize=4)

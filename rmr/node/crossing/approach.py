@@ -40,9 +40,11 @@ class Approach:
         """Return what the drive to `goal` will take from now on; None when there is no route."""
         navigator = self._navigator
         route = navigator.route
-        if route is not None and route.gate_m is not None:
-            if self._made is not None and self._made[2].passage == route.passage:
-                return self._made[2]._replace(approach=navigator.eta_gate())
+        if route is not None and route.gate_m is not None and self._made is not None:
+            kept = self._made[2]
+            if kept.passage == route.passage or not navigator.arena.has_shared_passages:
+                return kept._replace(approach=navigator.eta_gate())
+        if route is not None and route.gate_m is not None and navigator.arena.has_shared_passages:
             return forecast.estimate_of_drive(navigator)
         origin = pose
         rest = 0

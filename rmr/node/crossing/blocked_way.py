@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Final
 
-from rmr.base.arena import BOTTLENECK, Arena, FloorPassage
+from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import in_seconds
 from rmr.node.crossing.resource import OFF_ROUTE_M, entry_route, located
@@ -52,7 +52,7 @@ def _barring(arena: Arena, start: Point, goal: Point, lost: tuple[tuple[int, Poi
 def blocked_words(arena: Arena, goal: Point, robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
     """Return a sentence on the `robots` that bar the way to `goal`, without a full stop."""
     passage = next((p for robot in robots if (p := _passage_at(arena, goal, lost[robot].place)) is not None), None)
-    what = "way" if passage is None else "bottleneck" if passage.name == BOTTLENECK else f"passage '{passage.name}'"
+    what = "way" if passage is None else "bottleneck" if passage.by_event else f"passage '{passage.name}'"
     return f"the {what} is blocked by {silent_words(robots, lost)}"
 
 

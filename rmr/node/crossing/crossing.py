@@ -126,11 +126,6 @@ class Crossing:
         return self.plan.passage if self.group_id != self.event_id else None
 
     @property
-    def called(self) -> str:
-        """What facts of the program call the resource: the event of its job, or the passage of a drive without one."""
-        return self.job.name if self.job.assertion >= 0 else self.told
-
-    @property
     def told(self) -> str:
         """What the robot contends for, as the trace tells it: a passage, a station or an event."""
         return self.passage or self.job.event

@@ -54,12 +54,12 @@ class Crossings:
         self._core = core
         self._observer = Observer(robot, core)
         self._table = CrossingTable(digest)
-        self._paths = SharedPaths(robot, core, self._called)
+        self._paths = SharedPaths(robot, core, self.name_of)
         self.destinations = Destinations(robot)
         self._making_room = MakingRoom(robot)
         self._executor = CommandExecutor(robot, core, self.destinations)
-        self._shares = robot.driver is not None and bool(robot.config.arena.passages)
-        """Whether there are passages, which are resources of all robots, whatever their events."""
+        self._shares = robot.driver is not None and robot.config.arena.has_shared_passages
+        """Whether there are passages that are resources of all robots, whatever their events."""
         self._looks = robot.driver is not None and bool(robot.config.arena.stations)
         """Whether the robot has not yet looked whether it stands in a station."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
@@ -372,15 +372,10 @@ class Crossings:
         """The robot's place in the newest crossing's schedule, 0 without one."""
         return next((crossing.rank for crossing in reversed(self._table) if crossing.rank), 0)
 
-    def name_of(self, group_id: bytes) -> str:
-        """Return what reports call a group: by its passage, else by the assertion of its jobs."""
+    def name_of(self, group_id: bytes) -> Symbol | None:
+        """Return the name of the assertion behind a group."""
         crossing = self._table.at(group_id)
-        return group_id.hex() if crossing is None else crossing.passage or crossing.job.name
-
-    def _called(self, group_id: bytes) -> Symbol | None:
-        """Return what facts of the program call the resource of a group."""
-        crossing = self._table.at(group_id)
-        return None if crossing is None else Symbol(crossing.called)
+        return None if crossing is None else Symbol(crossing.passage or crossing.job.name)
 
     def _told(self, group_id: bytes) -> str:
         """Return what the trace calls a group."""

@@ -34,12 +34,11 @@ class SharedPaths:
     """The groups that one robot leads, and the paths that leaders share."""
 
     def __init__(self, robot: CrossingHost, core: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
-        """`name_of` returns what facts call the resource of a group: the name of an assertion, mostly."""
+        """`name_of` returns the name of the assertion behind a group."""
         self._robot = robot
         self._core = core
         self._name_of = name_of
-        self._led: dict[bytes, Symbol | None] = {}
-        """The name by which the program was told, of each group that the robot leads."""
+        self._led: dict[bytes, None] = {}
         self._paths: dict[tuple[bytes, int], GridPath] = {}
 
     def path(self, group_id: bytes, direction: int) -> GridPath | None:
@@ -52,12 +51,14 @@ class SharedPaths:
 
     def leads(self, now: Instant, group_id: bytes, *, does: bool) -> None:
         """Note whether the robot leads a group, and state whether it leads any of the same assertion."""
-        name = self._led.pop(group_id, None) or self._name_of(group_id)
         if does:
-            keep(self._led, group_id, name)
+            keep(self._led, group_id, None)
+        else:
+            self._led.pop(group_id, None)
+        name = self._name_of(group_id)
         if name is None:
             return
-        if name in self._led.values():
+        if any(self._name_of(led) == name for led in self._led):
             self._robot.senses.add(now, "leads", (name,))
         else:
             self._robot.senses.drop(now, "leads", (name,))

@@ -34,12 +34,12 @@ def gated_route(
     if shortest is None or shortest.within or shortest.gate_m is None:
         return shortest
     asked = arena.passage(via)
-    if asked is not None and asked.two_ended and via not in behind:
+    if asked is not None and asked.two_ended and not asked.by_event and via not in behind:
         route = _through(arena, asked, start, goal, parked, behind, math.inf)
         if route is not None:
             return route
     first = arena.passage(shortest.passage)
-    if first is None or not first.two_ended:
+    if first is None or first.by_event or not first.two_ended:
         return shortest
     longest_m = shortest.length_m + 2.0 * (shortest.clear_m - shortest.gate_m)
     routes = [

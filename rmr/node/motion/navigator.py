@@ -440,7 +440,7 @@ class Navigator:
     def _loses_turn(self, route: Route) -> bool:
         """Return whether a robot that may enter a passage would leave it for another one, or for none, by `route`."""
         gate = self._gate
-        bound = gate.opened and not gate.passed
+        bound = gate.opened and not gate.passed and self.arena.has_shared_passages
         if not bound or gate.passage is None or gate.passage in self.behind:
             return False
         return route.passage != gate.passage

@@ -203,7 +203,7 @@ def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
     if distance(*route.point(gate), *mouths[way]) > max(GATE_REACH_M * size, arena.clearance(*mouths[way])):
         return None
     if not passage.two_ended:
-        if route.length_m - gate < VIA_M:
+        if not passage.by_event and route.length_m - gate < VIA_M:
             return None  # it ends before the entrance, in the queue
         way = way_of(route.heading(gate + INTO_M))
         clear = _end_of_narrow(arena, route, gate)
@@ -234,11 +234,14 @@ def _room(arena: Arena, passage: FloorPassage) -> float:
 def still_behind(arena: Arena, behind: frozenset[str], at: Point) -> frozenset[str]:
     """Return those of the passages that a robot had `behind` it which it still has at `at`.
 
-    It has driven away from the others: a way that leads through one of these again passes its gate.
+    It has driven away from the others: a way that leads through one of these again passes its gate. The bottleneck of
+    an event stays behind: the turn is over.
     """
     away_m = 4.0 * arena.shape.radius + ROOM_M
     passages = [each for each in arena.passages if each.name in behind]
-    return frozenset(each.name for each in passages if any(distance(*mouth, *at) <= away_m for mouth in each.mouths))
+    return frozenset(
+        each.name for each in passages if each.by_event or any(distance(*mouth, *at) <= away_m for mouth in each.mouths)
+    )
 
 
 def gated_again(arena: Arena, passage: FloorPassage, route: Route) -> Route:

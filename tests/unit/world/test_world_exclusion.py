@@ -72,19 +72,20 @@ def test_one_event_excludes_whole_drives_through_a_passage_without_a_name(tmp_pa
     assert findings(tmp_path, BY_ALL) == []
 
 
-def test_jobs_of_two_events_that_contend_for_a_passage_without_turns_are_warned_of(tmp_path):
-    ((path, message),) = findings(tmp_path, BY_GOAL)
-    assert path == "arena"
-    assert "robot 1 (by_goal(right)) and robot 2 (by_goal(left)) go through it" in message
-    assert message.startswith("the narrow passage between [0.91, 0.75] and [1.40, 0.75], 0.30 m")
-    assert findings(tmp_path, BY_GOAL, NAMED) == [], "a bottleneck excludes all that drive through"
+@pytest.mark.parametrize("named", [False, True])
+def test_jobs_of_two_events_that_contend_for_one_passage_are_warned_of(tmp_path, named):
+    ((path, message),) = findings(tmp_path, BY_GOAL, *([NAMED] if named else []))
+    assert path == ("bottleneck" if named else "arena")
+    assert "robot 1 (by_goal(right)) and robot 2 (by_goal(left)) pass it" in message
+    where = "the passage 'bottleneck'" if named else "the narrow passage between [0.91, 0.75] and [1.40, 0.75], 0.30 m"
+    assert message.startswith(where)
 
 
-def test_a_narrow_passage_beside_the_bottleneck_that_no_turn_covers_is_warned_of(tmp_path):
+def test_a_narrow_passage_beside_the_bottleneck_that_turns_cover_is_warned_of(tmp_path):
     ((path, message),) = findings(tmp_path, BY_ALL, SECOND_WALL, NAMED)
     assert path == "arena"
     assert "[1.90, 0.75]" in message
-    assert "robots 1, 2 (by_goal) go through it, and no turn covers that" in message
+    assert "the turns of robots 1, 2 (by_goal) cover 'bottleneck' only" in message
 
 
 def test_mouths_at_the_outer_ends_cover_both_passages(tmp_path):

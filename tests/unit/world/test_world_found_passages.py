@@ -35,7 +35,7 @@ def names(arena: Arena) -> Iterable[str]:
 
 def test_the_door_between_two_rooms_is_a_passage_for_all_robots(tmp_path):
     (door,) = arena_of(tmp_path).passages
-    assert (door.name, door.found, door.two_ended) == ("passage_1", True, True)
+    assert (door.name, door.found, door.by_event, door.two_ended) == ("passage_1", True, False, True)
     (west_x, west_y), (east_x, east_y) = door.mouths
     assert (west_x, east_x) == (pytest.approx(1.1, abs=0.05), pytest.approx(1.9, abs=0.05))
     assert west_y == east_y == pytest.approx(0.75, abs=0.01)

@@ -319,8 +319,19 @@ def test_bottleneck_off_every_route_is_a_warning(tmp_path):
     assert told(bare(folder, door))[1] == []
     _, warnings = told(bare(folder, door.replace("at: [1.4, 0.75]", "at: [0.2, 1.3]")))
     assert warnings == [
-        "lab.yaml:8:13: bottleneck: warning: nobody passes it: no way of a robot to an area leads through "
+        "lab.yaml:8:13: bottleneck: warning: nobody passes the bottleneck: no way of a robot to an area leads through "
         "'door'; nothing is passed in turns there"
+    ]
+
+
+def test_bottleneck_without_an_assertion_that_a_drive_serves_is_a_warning(tmp_path):
+    folder = room(tmp_path, obstacles=DOOR, program=ALL_TO_A_BOX)
+    text = (folder / "lab.yaml").read_text()
+    door = text.replace("robots:", "bottleneck: door\nrobots:").replace("yard:", "door: {at: [1.4, 0.75]}, yard:")
+    _, warnings = told(bare(folder, door))
+    assert warnings == [
+        "lab.yaml:8:13: bottleneck: warning: the bottleneck is of no use: no moveto serves a time assertion of the "
+        "program, so robots pass it without turns"
     ]
 
 

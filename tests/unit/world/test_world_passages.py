@@ -30,6 +30,7 @@ def test_the_passages_of_the_file_are_those_of_the_arena():
     arena = load_lab(LABS / "warehouse").arena
     found = {passage.name: [area.name for area in passage.entrances] for passage in arena.passages}
     assert found == {"north": ["north_west", "north_east"], "south": ["south_west", "south_east"]}
+    assert not any(passage.by_event for passage in arena.passages)
 
 
 SOUTH = "south: {mouths: [south_west, south_east]}"
@@ -76,4 +77,4 @@ def test_a_passage_that_nobody_passes_is_warned_of(tmp_path):
 
 def test_a_narrow_passage_without_a_name_beside_those_with_names_is_warned_of(tmp_path):
     found = warehouse(tmp_path, [("  south: {mouths: [south_west, south_east]}\n", "")])
-    assert "go through it, and no turn covers that; name its ends under passages" in found
+    assert "is not exclusive: drives go through it without turns; name its ends under passages" in found

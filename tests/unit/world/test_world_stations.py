@@ -48,6 +48,7 @@ MISTAKES = [
         "[pair, spot]",
         "stations.1: lies nearer to station 'pair' than a robot is wide",
     ),
+    (ALONE, "[pair]\nbottleneck: spot", "stations: a lab with a bottleneck has no stations"),
 ]
 
 

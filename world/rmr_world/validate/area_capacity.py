@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from rmr.base.arena import Area
 from rmr.bytecode.program import Program
-from rmr.node.area_places import spots
+from rmr.node.driver import spots
 from rmr_world.bound import destinations
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab

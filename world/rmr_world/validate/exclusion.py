@@ -1,7 +1,8 @@
 """Phase 4, exclusion: what a program makes an event of, and robots do without excluding each other.
 
-A passage excludes all that drive through it, whatever their events. A job whose drive passes none excludes the others
-of its event for the whole drive. These rules warn where that leaves robots without turns in a narrow place.
+An event of a time assertion excludes its own jobs from each other: in the bottleneck if their drives pass that, else
+for their whole drives. Passages with names of their own exclude all that drive through. These
+rules warn where that leaves robots of a scheduled assertion without turns.
 """
 
 from collections.abc import Iterable, Iterator
@@ -9,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from rmr.base.arena import BOTTLENECK
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Assertion, Program
-from rmr_world.finding import Finding
+from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
 from rmr_world.narrow_places import narrow_places
 from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, is_in_narrow, named_passages, passage_uses
@@ -18,20 +19,20 @@ from rmr_world.validate.schedulability import served_by_moveto
 
 
 def passage_not_exclusive(lab: Lab, program: Program) -> Iterator[Finding]:
-    """Warn of a narrow passage that robots pass without turns that cover it."""
-    if not lab.arena.passages and all(drive.job is None for drive in first_drives(lab, program)):
+    """Warn of a narrow passage that robots of a scheduled assertion pass without turns that cover it."""
+    if lab.arena.has_shared_passages:
+        yield from _without_name(lab, program)
         return
-    for use in passage_uses(lab, program):
-        if use.named is None and _meet(use.drives) and not _whole_drives_of_one_event(use):
-            parties = " and ".join(f"{_robots(use.drives, event)} ({_told(event)})" for event in use.events)
-            message = (
-                f"{_where(use)} is not exclusive: {parties} go through it, and no turn covers that; name its ends "
-                f"under passages"
-            )
-            yield lab.warning(("arena",), message)
+    if not any(served_by_moveto(program, each) for each in program.assertions):
+        return
+    if any(drive.job is not None for drive in first_drives(lab, program)):
+        for use in passage_uses(lab, program):
+            yield from _several_events(lab, use)
+            if use.named is None:
+                yield from _turns_elsewhere(lab, use)
 
 
-def turn_cut_short(lab: Lab, program: Program) -> Iterator[Finding]:
+def turn_cut_to_bottleneck(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a turn that the key of a passage cuts short: it ends before further actions of the turn begin."""
     named = named_passages(lab.arena)
     for assertion in program.assertions if named else ():
@@ -51,18 +52,48 @@ def turn_cut_short(lab: Lab, program: Program) -> Iterator[Finding]:
             yield lab.warning(named[0].path, message)
 
 
-CHECKS = (passage_not_exclusive, turn_cut_short)
+CHECKS = (passage_not_exclusive, turn_cut_to_bottleneck)
 """The rules of exclusion."""
+
+
+def _several_events(lab: Lab, use: PassageUse) -> Iterator[Finding]:
+    """Warn of a passage for which robots with jobs of different events contend."""
+    events = use.events
+    if len(events) > 1 and _meet(use.drives):
+        parties = " and ".join(f"{_robots(use.drives, event)} ({_told(event)})" for event in events)
+        message = (
+            f"{_where(use)} is not exclusive: {parties} pass it, and an event excludes its own jobs only; leave out of "
+            f"the assertion's finish fact what tells them apart, or let one assertion hold all of these drives"
+        )
+        yield lab.warning(_path(use), message)
+
+
+def _without_name(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of narrow passages without a name beside passages that have one and take turns."""
+    for use in passage_uses(lab, program):
+        if use.named is None and _meet(use.drives):
+            message = (
+                f"{_where(use)} is not exclusive: drives go through it without turns; name its ends under passages"
+            )
+            yield lab.warning(_path(use), message)
+
+
+def _turns_elsewhere(lab: Lab, use: PassageUse) -> Iterator[Finding]:
+    """Warn of a passage without a name that drives pass whose turn is a passage of another one."""
+    gated = [drive for drive in use.drives if drive.gated]
+    if gated and _meet(gated):
+        others = " and ".join(f"'{each.name}'" for each in named_passages(lab.arena))
+        message = (
+            f"{_where(use)} is not exclusive: the turns of {_robots(gated, gated[0].event)} ({_told(gated[0].event)}) "
+            f"cover {others} only; areas at the outer ends of both, named under bottleneck.mouths, let one turn "
+            f"cover both"
+        )
+        yield lab.warning(_path(use), message)
 
 
 def _meet(drives: Iterable[FirstDrive]) -> bool:
     """Return whether there are two robots, which can meet in a passage."""
     return len({drive.robot for drive in drives}) > 1
-
-
-def _whole_drives_of_one_event(use: PassageUse) -> bool:
-    """Return whether the event of the drives excludes them from each other for their whole length."""
-    return len(use.events) == 1 and all(drive.job is not None and not drive.gated for drive in use.drives)
 
 
 def _further_actions(program: Program, assertion: Assertion) -> list[str]:
@@ -82,9 +113,15 @@ def _named(drive: FirstDrive) -> str:
 
 
 def _where(use: PassageUse) -> str:
+    if use.named is not None:
+        return f"the passage '{use.name}'"
     (passage,) = use.narrow
     ends = " and ".join(map(_at, passage.ends))
     return f"the narrow passage between {ends}, {passage.width:.2f} m wide,"
+
+
+def _path(use: PassageUse) -> FilePath:
+    return ("arena",) if use.named is None else use.named.path
 
 
 def _told(event: str | None) -> str:

@@ -140,7 +140,7 @@ class LabDraft:
         """
         arena = self.arena
         none = self.spec.passages is not None and not self.spec.passages
-        if none or not self.robot_fits_arena:
+        if none or self.spec.bottleneck is not None or not self.robot_fits_arena:
             return arena
         starts = [Point(start.pose.x, start.pose.y) for _, start in self.robots]
         goals = [place for area in arena.areas if area.box is None for place in area.places]
@@ -179,7 +179,7 @@ class LabDraft:
         if area.box is None:
             return area.places
         # The planner doubles the start-up time of a lab without such a station.
-        from rmr.node.area_places import spots  # noqa: PLC0415
+        from rmr.node.driver import spots  # noqa: PLC0415
 
         shape = self.arena.shape if shape is None else shape
         parts = tuple(part for parts in (*(parts for _, parts in self.obstacles), self.map_boxes) for part in parts)

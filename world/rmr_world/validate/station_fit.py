@@ -42,7 +42,14 @@ def stations_apart(draft: LabDraft) -> Iterator[Finding]:
                 yield draft.error(("areas", queued, "queue"), message)
 
 
-CHECKS = (stations_defined, stations_have_places, stations_apart)
+def stations_without_bottleneck(draft: LabDraft) -> Iterator[Finding]:
+    """A lab with stations has no bottleneck: the turns of that are by event, and who drives into a station has none."""
+    if draft.spec.stations and draft.spec.bottleneck is not None:
+        message = "a lab with a bottleneck has no stations: name the narrow section under passages instead"
+        yield draft.error(("stations",), message)
+
+
+CHECKS = (stations_defined, stations_have_places, stations_apart, stations_without_bottleneck)
 """The rules of the stations."""
 
 

@@ -8,7 +8,7 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
-from rmr.node.area_places import spots
+from rmr.node.driver import spots
 from rmr.node.motion.astar import plan
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
