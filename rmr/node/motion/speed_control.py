@@ -59,6 +59,7 @@ class SpeedControl:
     """Perception of bodies and the speed law, for one robot. Call `perceive` first in each tick."""
 
     __slots__ = (
+        "_ages_s",
         "_clearance",
         "_measured_x",
         "_measured_y",
@@ -86,6 +87,8 @@ class SpeedControl:
         self._reverse_mps: Final = min(REVERSE_MPS, arena.shape.speed)
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""
+        self._ages_s: Sequence[float] = ()
+        """The ages of the hellos behind the bodies of the scene that are heard, seconds."""
         self._shield = Shield(arena.shape.radius, arena.shape.speed)
         self._ways = WaysToStand(self.scene.scale)
         self.wheels = Wheels(arena.shape)
@@ -148,6 +151,7 @@ class SpeedControl:
         # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
         around.bodies = [*seen, *self._heard(-BESIDE_M * around.scale.size if twist.w else 0.0)]
         around.heard_from = len(seen)
+        self._ages_s = self.hearing.ages_s
         around.ranked = UNRANKED
         if not self._switches.off("order"):
             around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
@@ -254,7 +258,7 @@ class SpeedControl:
             return share
         ways = self._ways
         ranked = around.ranked
-        ages_s = self.hearing.ages_s
+        ages_s = self._ages_s
         heard_from = around.heard_from
         for index, body in enumerate(around.bodies):
             age_s = 0.0

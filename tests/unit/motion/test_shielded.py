@@ -98,6 +98,22 @@ def test_robot_that_would_cut_a_corner_keeps_to_its_path_instead_of_creeping(hea
     assert driven_past_a_corner(Pose(0.86, 0.69, heading)) > 0.08
 
 
+def test_a_fast_robot_that_is_to_back_up_while_it_still_rolls_brakes_whoever_is_heard_no_more():
+    shape = RobotShape(speed=1.0)
+    made = SpeedControl(Arena(6.0, 6.0, 0.05, shape=shape), 3, RuleSwitches())
+    made.sigma_m = 0.005
+    pose = Pose(3.0, 3.0, 0.0)
+    others = [ReportedState(robot, 4.5, 3.0 + 0.4 * robot, 0.0, 0.0, 0, False, False) for robot in (2, 3)]
+    for tick in range(61):
+        made.perceive(tick_start(tick), pose, ())
+        made.hearing.update(pose, others)
+        made.wheels.command(tick_start(tick), made.slowed(Twist(0.8, 0.0)))
+    made.perceive(tick_start(61), pose, ())
+    made.hearing.update(pose, others[:1])
+    assert made.wheels.speed(tick_start(61)) > 0.2
+    assert made.reverse().v <= 0.0
+
+
 def test_robot_with_its_back_straight_before_a_wall_stands():
     made = SpeedControl(bench.testbed(), 1, RuleSwitches())
     pose = Pose(0.08, 0.75, 0.0)
