@@ -1,6 +1,7 @@
 """Seeds that once failed (kept.toml) do not fail again: every third one in `make test`, the rest in the slow tier."""
 
 import tomllib
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -25,3 +26,4 @@ def test_a_seed_that_once_failed_does_not_fail_again(kept):
     assert kept["was"], "it is told what was wrong"
     result = run_seed(load(LABS / kept["lab"], Options(**kept["options"])), kept["seed"])
     assert reasons(result.row) == [], result.breakdown
+    assert result.row["time_s"] <= kept.get("within_s", inf)

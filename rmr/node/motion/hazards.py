@@ -6,6 +6,7 @@ greater. So a rule that leaves the speed as it is has no effect on the run: the 
 
 from collections.abc import Mapping
 from enum import Enum
+from math import inf
 from types import MappingProxyType
 from typing import Final
 
@@ -52,6 +53,7 @@ class HazardScene:
         "ahead",
         "arena",
         "bodies",
+        "first_m",
         "follower",
         "gate",
         "heard_from",
@@ -82,6 +84,8 @@ class HazardScene:
         self.parked: tuple[Point, ...] = ()
         self.ahead = 0
         """How many robots have the goal first."""
+        self.first_m = inf
+        """Where on its route the robot waits for those that come to the gate first from beside it, metres."""
         self.held_by: SeenBody | None = None
         """The body that slows the wheel command of this tick most."""
         self.bodies: list[SeenBody] = []
@@ -157,10 +161,17 @@ class QueueRule(Hazard):
     """Order of the queue before the gate."""
 
     def limit(self, around: HazardScene, v: float) -> float:
-        """Return 0 while a robot that goes first still stands on the route before the gate."""
+        """Return 0 while a robot that goes first still stands on the route before the gate, else `v`, or less.
+
+        So that the robot does not stand in the way of one that comes to the gate first from beside it.
+        """
         follower = around.follower
         gate = around.gate
-        if not around.parked or follower is None:
+        if follower is None:
+            return v
+        if around.first_m < inf and not gate.open_to(follower.route):
+            v = min(v, braking_speed(around.first_m - follower.s))
+        if not around.parked:
             return v
         # If the gate is nearer than a radius, no robot has room before it.
         if (follower.route.gate_m or 0.0) < around.arena.shape.radius or gate.passed:

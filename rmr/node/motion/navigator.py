@@ -11,6 +11,7 @@ over their places until they have left. The dead do not leave: routes lead aroun
 """
 
 from collections.abc import Collection, Sequence
+from math import inf
 from typing import Final
 
 from rmr.base.arena import REFERENCE, Arena
@@ -23,6 +24,7 @@ from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.goal_queue import WAITING_RADII, is_one_goal, robots_ahead
 from rmr.node.motion.grid import PATH_MARGIN_M, discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
+from rmr.node.motion.queueing import room_for_first
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route, still_behind
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -44,8 +46,8 @@ class Navigator:
     """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
-        "_ahead", "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_lost",
-        "_next_try", "_open_way", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until",
+        "_ahead", "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_first_m", "_follower", "_gate",
+        "_lost", "_next_try", "_open_way", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until",
         "_right_of_way", "_stand_off", "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot",
         "status",
     )  # fmt: skip
@@ -80,6 +82,8 @@ class Navigator:
         """The share of full speed that keeps clear of robots that go first."""
         self._ahead = 0
         """How many robots have the goal first."""
+        self._first_m = inf
+        """Where on its route the robot waits for those that come to the gate first, metres; infinite: for none."""
         self._v = 0.0
         """The speed of the last command, m/s."""
         self._stand_off = DeadlockDetector(robot, arena.shape)
@@ -156,16 +160,27 @@ class Navigator:
         order = self._order
         at = Point(self._pose.x, self._pose.y)
         self._ahead = 0
+        self._first_m = inf
         if order is not None and self._excursion is None:
             self._ahead = robots_ahead(order.goal, at, mine, self.arena.shape, others, self._parked)
         # Before and within the bottleneck the schedule decides who goes first, not this rule.
         if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
             self._right_of_way = 1.0
+            self._first_m = self._room_for_first(mine, others)
             return
         first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
         if not self._ahead:  # of those that drive to one place the queue before it decides
             first = [other for other in first if not is_one_goal(other.goal, self.goal, self.arena.shape)]
         self._right_of_way = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
+
+    def _room_for_first(self, mine: int, others: Sequence[Heard]) -> float:
+        """Return where on its route to the gate the robot waits for those that go there first; infinite: for none."""
+        follower = self._follower
+        if follower is None or self._gate.passed or self._excursion is not None:
+            return inf
+        first = [other for other in others if other.rank and order_key(other.rank, other.robot) < mine]
+        hold_m = self._gate.hold_line_m(follower.route)
+        return room_for_first(follower.route, follower.s, hold_m, self.arena.shape, first)
 
     def face(self, theta: float) -> None:
         """Turn in place to the heading `theta`, radians."""
@@ -199,6 +214,7 @@ class Navigator:
         self._reverse_until = 0
         self._right_of_way = 1.0
         self._ahead = 0
+        self._first_m = inf
         self._v = 0.0
 
     def step(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
@@ -251,7 +267,7 @@ class Navigator:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
         control = self.control
         ahead = 0 if self._excursion is not None else self._ahead
-        cap = control.cap(follower, self._gate, self._right_of_way, self._queueing, ahead)
+        cap = control.cap(follower, self._gate, self._right_of_way, self._queueing, ahead, self._first_m)
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
         if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M and control.leads_to_wall(wish):
@@ -379,6 +395,7 @@ class Navigator:
         if manoeuvre.excursion is not None:
             self._excursion = manoeuvre.excursion
             self._follower = Follower(manoeuvre.excursion.route, arena.shape)
+            self._first_m = inf
         if manoeuvre.reverse:
             self._reverse_until = now + manoeuvre.reverse
         return True
@@ -430,6 +447,7 @@ class Navigator:
             route = gated_again(self.arena, inside, route)
         self._open_way = route.gate_m is None
         self._follower = Follower(route, self.arena.shape)
+        self._first_m = inf
         self.status = "moving"
         return True
 

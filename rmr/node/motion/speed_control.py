@@ -124,6 +124,7 @@ class SpeedControl:
         right_of_way: float,
         parked: tuple[Point, ...],
         ahead: int,
+        first_m: float,
     ) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
         around = self.scene
@@ -132,6 +133,7 @@ class SpeedControl:
         around.right_of_way = right_of_way
         around.parked = parked
         around.ahead = ahead
+        around.first_m = first_m
         return self.law.cap(around)
 
     def slowed(self, twist: Twist, *, walls: bool = True) -> Twist:

@@ -73,7 +73,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "queue",
         HazardStage.CAP,
         "robots that go first and still stand before the gate",
-        "a robot waits for those in the places of the queue before its own to leave",
+        "a robot waits for those in the places of the queue before its own to leave, and leaves one that comes from "
+        "beside it the way to the gate, from eight radii on",
         "queueing.py",
     ),
     GoalRule(
