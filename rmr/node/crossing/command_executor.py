@@ -50,6 +50,10 @@ class CommandExecutor:
                     core.withdraw(now, group_id)
                 case Leave():
                     core.leave(now, group_id)
+                    # A drive that goes on asks at the next entrance, and may lead through none: it is bound to this
+                    # passage no longer. One that was let in by the turn of an event asks for no other.
+                    if crossing.plan.gated and self._robot.config.arena.has_shared_passages:
+                        self._here(now, crossing, crossing.hold_line())
                 case _:
                     self._here(now, crossing, command)
 

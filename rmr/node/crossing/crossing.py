@@ -181,7 +181,7 @@ class Crossing:
     def hold_line(self) -> OpenHoldLine:
         """Return what the phase allows at the hold line."""
         start = self.phase.start if isinstance(self.phase, Slotted) else None
-        return OpenHoldLine(start, opened=not self.waits, passage=self.plan.passage)
+        return OpenHoldLine(start, opened=isinstance(self.phase, Inside), passage=self.plan.passage)
 
     # -- the machine ----------------------------------------------------------------------------------------
 

@@ -276,7 +276,11 @@ class Navigator:
         stuck = STILL if bumped else allowed
         # Before its slot a robot may well stand: patience is longer then.
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
-        if self._stand_off.blocked(now, wish, stuck, self._stand_off.early if early else 0):
+        stand_off = self._stand_off
+        more = stand_off.early if early else 0
+        if not bumped and control.law.limited_by == SHIELD and control.leads_to_wall(wish) and control.settles(wish):
+            more = stand_off.settling
+        if stand_off.blocked(now, wish, stuck, more):
             self._escape(now, pose, DeadlockCause.DEADLOCK)
         self._v = allowed.v
         return allowed

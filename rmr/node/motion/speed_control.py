@@ -204,6 +204,12 @@ class SpeedControl:
         lead = self.wheels.lead(self.scene.now, twist)
         return self._before_walls(twist, self.scene.pose, lead) < 1.0
 
+    def settles(self, twist: Twist) -> bool:
+        """Return whether the error of the estimate alone makes the shield slow `twist`: it falls in standing."""
+        pose = self.scene.pose
+        lead = self.wheels.lead(self.scene.now, twist)
+        return self._shield.within(twist, pose, self.arena, 0.0, lead) >= 1.0
+
     def off_wall(self, pose: Pose, ahead_m: float = REVERSE_POLL_M) -> float:
         """Return to which side a robot that cannot drive on for a wall turns, so that it comes to drive along it.
 

@@ -157,3 +157,31 @@ def test_a_fast_robot_drives_through_a_narrow_aisle_as_slowly_as_its_walls_permi
         twist = nav.step(tick_start(k), pose, (), bumped=False)
     assert 0.2 < twist.v < 0.5 * shape.speed
     assert twist.w == 0.0
+
+
+@pytest.mark.parametrize(("sigma_m", "settles"), [(0.02, True), (0.0, False)])
+def test_a_robot_before_a_wall_waits_for_its_estimate_to_settle_and_not_for_the_wall(sigma_m, settles):
+    made = SpeedControl(bench.testbed(), 1, RuleSwitches())
+    made.sigma_m = sigma_m
+    pose = Pose(0.11 if settles else 0.071, 0.5, math.pi)
+    made.perceive(0, pose, ())
+    made.hearing.update(pose, ())
+    assert made.slowed(Twist(0.1, 0.0)).v < 0.1
+    assert made.leads_to_wall(Twist(0.1, 0.0))
+    assert made.settles(Twist(0.1, 0.0)) is settles
+
+
+def reverses_after_s(sigma_m):
+    """Return when a robot that stands where the error of its estimate keeps it off its goal by a wall backs up."""
+    nav = Navigator(bench.testbed(), 1)
+    nav.control.sigma_m = sigma_m
+    pose = Pose(0.13, 0.5, math.pi)
+    nav.go(0, pose, Point(0.105, 0.5))
+    for tick in range(60 * 30):
+        if nav.step(tick_start(tick), pose, (), False).v < 0.0:
+            return tick / 60.0
+    return math.inf
+
+
+def test_a_robot_that_its_estimate_keeps_off_a_goal_by_a_wall_stands_for_a_while_before_it_backs_up():
+    assert 10.0 < reverses_after_s(0.02) < 25.0

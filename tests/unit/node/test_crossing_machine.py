@@ -142,7 +142,7 @@ class Ledger:
                 case Revise() | SetReady() | InsideUntil():
                     assert one.group_id in self.live, f"{command} without a request"
                 case OpenHoldLine(opened=opened):
-                    assert opened is isinstance(one.phase, (Inside, Left))
+                    assert opened is isinstance(one.phase, Inside)
                 case Unforeseen():
                     pytest.fail(f"{command}")
         requested = isinstance(one.phase, (Asking, Slotted, Inside))

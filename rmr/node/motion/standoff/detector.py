@@ -26,6 +26,9 @@ PATIENCE_STEP_S: Final = 0.2
 EARLY_PATIENCE: Final[Duration] = seconds(3)
 """Additional patience before the robot's own slot: standing is in order then, but a robot that gets no nearer to the
 gate never gets a slot in time."""
+SETTLING: Final[Duration] = seconds(15)
+"""Additional patience before a wall that nothing but the error of the estimate keeps the robot off: in 8 s of standing
+it falls to half."""
 AROUND_RADII: Final = 8.0
 """Bodies farther away than this have no part in a deadlock."""
 BIAS_M: Final = 0.05
@@ -43,7 +46,8 @@ class DeadlockDetector:
     """What one robot knows of the deadlock it is in."""
 
     __slots__ = (
-        "_at", "_at_since", "_patience", "_scale", "_since", "early", "ghosts", "ghosts_until", "tries", "walks",
+        "_at", "_at_since", "_patience", "_scale", "_since", "early", "ghosts", "ghosts_until", "settling", "tries",
+        "walks",
     )  # fmt: skip
 
     def __init__(self, robot: int, shape: RobotShape) -> None:
@@ -51,6 +55,8 @@ class DeadlockDetector:
         self._patience = seconds((PATIENCE_S + PATIENCE_STEP_S * (robot % 4)) * self._scale.tempo)
         self.early: Final[Duration] = round(EARLY_PATIENCE * self._scale.tempo)
         """Additional patience before the robot's own slot."""
+        self.settling: Final[Duration] = round(SETTLING * self._scale.tempo)
+        """Additional patience before a wall that the error of the estimate alone keeps it off."""
         self._since: Instant | None = None
         """Since when the robot has been kept standing."""
         self._at: Point | None = None
