@@ -134,7 +134,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.lang": {"lark"},
     "rmr.columns": {"numpy"},
     "rmr.radio": {"cryptography", "numpy"},
-    "rmr.bus": {"zenoh", "msgpack"},
+    "rmr.bus": {"cryptography", "zenoh", "msgpack"},
     "rmr.mind": {"msgpack"},
     "rmr.record": {"msgpack", "zstandard"},
     "rmr.commands": {"rich"},

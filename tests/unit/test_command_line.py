@@ -16,6 +16,7 @@ from rmr_agent.main import command as agent
 from rmr_deploy.fault import command as fault
 from rmr_deploy.fleet import VERBS
 from rmr_deploy.fleet import command as fleet
+from rmr_deploy.keys_program import command as keys
 from rmr_deploy.load import command as load
 from rmr_deploy.router import command as router
 from rmr_deploy.up import command as up
@@ -37,6 +38,7 @@ PROGRAMS = {
     "rmr up": up(),
     "rmr fault": fault(),
     "rmr fleet": fleet(),
+    "rmr keys": keys(),
     "rmr load": load(),
     "rmr router": router(),
     "rmr lab": lab,

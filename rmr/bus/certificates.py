@@ -1,0 +1,208 @@
+"""Certificates: who a process of a lab is, as TLS proves it on both ends of each connection of its bus.
+
+A certificate names its holder in one form: ``robot/4`` (or ``robot/1-3``: a process with three robots), ``world``,
+``router/HOST``, ``operator/NAME``, ``viewer/NAME``. That is the common name of its subject, and behind ``rmr:`` a URI
+among its alternative names. A certificate that is issued after earlier ones of its holder were revoked has a number:
+``robot/4#2``. Only those of a router or the world may listen: robots, operators and viewers are clients alone.
+
+A process has its own in a private folder, with its key and the certificate of the CA (`rmr.bus.authority`). Who listens
+has the list of revoked ones there, too. What is wrong with the folder is said in one sentence, before it is used.
+"""
+
+import stat
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from rmr.base.ids import listed, spelled
+from rmr.bus.endpoint import BusError
+
+if TYPE_CHECKING:
+    from cryptography import x509
+
+CA_FILE: Final = "ca.pem"
+CERTIFICATE_FILE: Final = "cert.pem"
+KEY_FILE: Final = "key.pem"
+REVOKED_FILE: Final = "revoked.txt"
+"""Files of a process's folder; the last one is in that of a listener alone."""
+
+INDEX_FILE: Final = "index.json"
+"""What is issued, in the folder of a CA: none for a process."""
+
+LISTENERS: Final = ("world", "router")
+"""Roles whose holders may listen."""
+
+ROLES: Final = ("robot", *LISTENERS, "operator", "viewer")
+
+URI_SCHEME: Final = "rmr:"
+
+FILE_OCTETS_MAX: Final = 1 << 20
+"""Greatest size of a file with a certificate, a key or a list."""
+
+
+class CertificateError(BusError):
+    """A folder or file has no certificate that can be used; the message says what is wrong and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Whom a certificate names."""
+
+    role: str
+    name: str = ""
+    """The ids of robots, the host of a router, the name of a person; empty: the world."""
+    generation: int = 1
+    """How often certificates of this holder have been issued after earlier ones were revoked, from 1."""
+
+    def __str__(self) -> str:
+        return f"{self.role}/{self.name}" if self.name else self.role
+
+    @property
+    def subject(self) -> str:
+        """The common name of the certificate."""
+        return str(self) if self.generation == 1 else f"{self}#{self.generation}"
+
+    @property
+    def robots(self) -> tuple[int, ...]:
+        """The ids of the robots that it may be."""
+        return listed(self.name) if self.role == "robot" else ()
+
+    @classmethod
+    def read(cls, subject: str) -> "Holder":
+        """Return the holder that `subject` names. Raises ValueError."""
+        who, numbered, number = subject.partition("#")
+        role, slash, name = who.partition("/")
+        if role not in ROLES or (role == "world") == bool(slash and name):
+            raise ValueError(
+                f"{subject!r:.60} names nobody: expected world, or one of robot/4, router/HOST, operator/NAME"
+            )
+        if numbered and not (number.isascii() and number.isdecimal() and 1 < int(number) < 10**6):
+            raise ValueError(f"{subject!r:.60} names nobody: a number follows the #")
+        holder = cls(role, name, int(number) if numbered else 1)
+        if role == "robot" and spelled(holder.robots) != name:
+            raise ValueError(f"{subject!r:.60} names nobody: write robot/{spelled(holder.robots)}")
+        return holder
+
+
+def moment(instant: datetime) -> str:
+    """Return an instant as people read it."""
+    return f"{instant.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def openness(path: Path) -> str:
+    """Return what to do about a folder or file that other users can read or change; nothing where they cannot."""
+    mode = path.stat().st_mode
+    if not stat.S_IMODE(mode) & 0o077:
+        return ""
+    right = "700" if stat.S_ISDIR(mode) else "600"
+    return f"{path}: other users may read or change it; run: chmod {right} {path}"
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A process's certificate, judged as good when it was read."""
+
+    folder: Path
+    holder: Holder
+    revoked: tuple[str, ...] = ()
+    """Subjects that a listener lets do nothing."""
+
+
+def holder_of(certificate: "x509.Certificate") -> Holder:
+    """Return whom `certificate` names. Raises ValueError for one that rmr has not issued."""
+    from cryptography import x509  # noqa: PLC0415 - heavy, and used with keys alone
+
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        raise ValueError("it has no alternative names") from None
+    for uri in names.get_values_for_type(x509.UniformResourceIdentifier):
+        if uri.startswith(URI_SCHEME):
+            return Holder.read(uri.removeprefix(URI_SCHEME))
+    raise ValueError(f"no name of it begins with {URI_SCHEME}")
+
+
+def problem(certificate: "x509.Certificate", ca: "x509.Certificate", now: datetime) -> str:
+    """Return why `certificate` is not good under `ca` at the instant `now`, and what to do; nothing where it is."""
+    for one, renewed in ((ca, "rmr keys init, and all others with it"), (certificate, "rmr keys issue")):
+        what = "the certificate of the CA" if one is ca else f"the certificate of {holder_of(one)}"
+        if now > one.not_valid_after_utc:
+            since = f"has expired at {moment(one.not_valid_after_utc)}, and here it is {moment(now)}"
+            return f"{what} {since}; issue it anew with {renewed}, or set the clock"
+        if now < one.not_valid_before_utc:
+            begins = f"is valid from {moment(one.not_valid_before_utc)} only, and here it is {moment(now)}"
+            return f"{what} {begins}; set the clocks of the two machines"
+    try:
+        certificate.verify_directly_issued_by(ca)
+    except Exception:  # noqa: BLE001, RUF100 - another name, another algorithm, another signature: all of them foreign
+        return (
+            f"the certificate of {holder_of(certificate)} is of another CA than the one in {CA_FILE}; "
+            "take both from one rmr keys bundle"
+        )
+    return ""
+
+
+def read_certificate(folder: Path, now: datetime | None = None) -> Certificate:
+    """Return the certificate in `folder`. Raises CertificateError where it cannot be used at the instant `now`."""
+    from cryptography.hazmat.primitives import serialization  # noqa: PLC0415
+
+    if (folder / INDEX_FILE).exists():
+        raise CertificateError(
+            f"{folder}: this is the folder of a CA; give a process its own: rmr keys bundle {folder} WHO -o DIR"
+        )
+    octets = {name: _read(folder, name) for name in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)}
+    ca = parsed(octets[CA_FILE], folder / CA_FILE)
+    certificate = parsed(octets[CERTIFICATE_FILE], folder / CERTIFICATE_FILE)
+    try:
+        holder = holder_of(certificate)
+    except ValueError as error:
+        raise CertificateError(f"{folder / CERTIFICATE_FILE}: no certificate of rmr keys issue ({error})") from None
+    if wrong := problem(certificate, ca, now or datetime.now(UTC)):
+        raise CertificateError(f"{folder}: {wrong}")
+    try:
+        key = serialization.load_pem_private_key(octets[KEY_FILE], None)
+    except (ValueError, TypeError):
+        raise CertificateError(f"{folder / KEY_FILE}: no private key, or one under a password") from None
+    if key.public_key() != certificate.public_key():
+        raise CertificateError(f"{folder}: {KEY_FILE} is not the key of {CERTIFICATE_FILE}; take both from one bundle")
+    revoked = _revoked(folder) if holder.role in LISTENERS else ()
+    if holder.subject in revoked:
+        raise CertificateError(f"{folder}: the certificate of {holder} is revoked; issue it anew with rmr keys issue")
+    return Certificate(folder.absolute(), holder, revoked)
+
+
+def parsed(octets: bytes, file: Path) -> "x509.Certificate":
+    """Return the certificate in the `octets` of `file`. Raises CertificateError."""
+    from cryptography import x509  # noqa: PLC0415
+
+    try:
+        return x509.load_pem_x509_certificate(octets)
+    except ValueError:
+        raise CertificateError(f"{file}: no certificate in PEM form") from None
+
+
+def _revoked(folder: Path) -> tuple[str, ...]:
+    subjects = tuple(_read(folder, REVOKED_FILE).decode(errors="replace").split())
+    for subject in subjects:
+        try:
+            Holder.read(subject)
+        except ValueError as error:
+            raise CertificateError(f"{folder / REVOKED_FILE}: {error}") from None
+    return subjects
+
+
+def _read(folder: Path, name: str) -> bytes:
+    """Return the octets of a file in `folder`. Raises CertificateError, also where others can read either."""
+    file = folder / name
+    try:
+        wrong = openness(folder) or (openness(file) if name == KEY_FILE else "")
+        with file.open("rb") as opened:
+            octets = opened.read(FILE_OCTETS_MAX)
+    except OSError as error:
+        whole = file if folder.is_dir() else folder
+        hint = "a folder of keys is what rmr keys bundle writes"
+        raise CertificateError(f"{whole}: {error.strerror}; {hint}") from None
+    if wrong:
+        raise CertificateError(wrong)
+    return octets
