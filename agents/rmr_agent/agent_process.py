@@ -18,6 +18,7 @@ from functools import partial
 
 from rmr.base.ids import spelled
 from rmr.bus.admission import why_no_session
+from rmr.bus.certificates import Certificate, CertificateError, Credentials, read_credentials, secret_file
 from rmr.bus.process import (
     Ending,
     Throttle,
@@ -27,7 +28,7 @@ from rmr.bus.process import (
     start_logging,
 )
 from rmr.bus.process_recorder import ProcessRecorder
-from rmr.bus.secret import Secret, SecretError, read_secret
+from rmr.bus.secret import SecretError
 from rmr.bus.session import open_when_there, watch_admission
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -69,7 +70,7 @@ async def live(
     lab: str | None,
     setup: RobotSetup,
     ending: Ending,
-    secret: Secret | None = None,
+    secret: Credentials | None = None,
     recorder: ProcessRecorder | None = None,
 ) -> None:
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
@@ -106,7 +107,7 @@ async def _pass_on(ending: Ending, hosted: Sequence[HostedRobot]) -> None:
         robot.leaving.ask(ending.reason, ending.code)
 
 
-async def _run(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
+async def _run(options: argparse.Namespace, setup: RobotSetup, secret: Credentials | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
     attach = partial(attach_program, byte_code=setup.loaded.octets, actions=options.actions)
@@ -127,13 +128,15 @@ def perform(options: argparse.Namespace) -> int:
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
-    if missing := unreadable((options.program, options.actions, options.radio_key, options.secret)):
+    if missing := unreadable((options.program, options.actions, options.radio_key, secret_file(options.secret))):
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
         setup = _load(options)
-        secret = None if options.secret is None else read_secret(options.secret)
-    except (RefusedError, SecretError) as error:
+        secret = read_credentials(options.secret)
+        if isinstance(secret, Certificate):
+            secret.check_role("robot", robots=options.id)
+    except (RefusedError, SecretError, CertificateError) as error:
         print(f"{who}: {error}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()

@@ -53,9 +53,8 @@ def _declare(parser: "Parser") -> None:
     parser.option(
         "--id", required=True, read=listed, metavar="N", help="which robot of the lab this is; 1-20: several robots"
     )
-    parser.option(
-        "--connect", default=DEFAULT_ENDPOINT, read=read_endpoint, metavar="ENDPOINT", help="where the world listens"
-    )
+    where = f"where the world listens (default: {DEFAULT_ENDPOINT}; with keys tls)"
+    parser.option("--connect", read=read_endpoint, metavar="ENDPOINT", help=where)
     parser.option("--actions", read=Path, metavar="FILE.py", help="handlers of the program's own actions")
     parser.option("--radio-key", read=Path, metavar="FILE", help="the radio's key, where the lab's is secured")
     parser.option(
@@ -64,6 +63,7 @@ def _declare(parser: "Parser") -> None:
         metavar="FILE",
         help="the secret of the world's bus (of rmr up: secret in the run folder)",
     )
+    parser.option("--keys", read=Path, metavar="DIR", help="the robots' keys, for tls/HOST:PORT (default: RMR_KEYS)")
     parser.option(
         "--lab", read=lambda text: Keys(text).lab, metavar="NAME", help="the lab, where several run at one endpoint"
     )
@@ -100,10 +100,13 @@ def _live(**options: Any) -> int:
     """Run the robots until their end; return the exit code."""
     from argparse import Namespace
 
+    from rmr.bus.certificates import credentials_path, default_endpoint
     from rmr.entry.command_line import CommandLineError
 
     if options["durability"] == "power" and options["state"] is None:
         raise CommandLineError("--durability says what a state survives: name its folder with --state DIR")
+    options["secret"] = credentials_path(options["secret"], options.pop("keys"), [options["connect"]])
+    options["connect"] = options["connect"] or default_endpoint(options["secret"])
     for name in ("state", "record", "log", "secret"):  # a handler may change the present folder
         options[name] = options[name] and options[name].absolute()
     try:

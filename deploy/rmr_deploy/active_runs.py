@@ -29,6 +29,8 @@ LAB_COPY = "lab.json"
 """The lab as the run took it, in the run folder."""
 SECRET_FILE = "secret"
 """As `rmr.bus.secret` names it."""
+OPERATOR_KEYS = "keys/operator"
+"""The folder with the launcher's keys in that of a run."""
 REGISTER_VARIABLE = "RMR_REGISTER"
 """Environment variable that names the register's folder."""
 RUNS = Path("runs")
@@ -297,9 +299,9 @@ def under_way(folder: Path) -> bool:
 
 
 def secret_of(folder: Path) -> Path | None:
-    """Return the file with the secret of the run in `folder`; None if it has none, or is over."""
-    path = folder / SECRET_FILE
-    return path if path.exists() else None
+    """Return the file with the secret of the run in `folder`, or the folder of its keys; None if it is over."""
+    found = (folder / name for name in (SECRET_FILE, OPERATOR_KEYS))
+    return next((path for path in found if path.exists()), None)
 
 
 def _folders(runs: Path) -> list[Path]:

@@ -17,9 +17,10 @@ from rich.console import Console
 
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
+from rmr.bus.certificates import CertificateError, check_keys, read_credentials, secret_file
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem
 from rmr.bus.middleware import NotAdmittedError
-from rmr.bus.secret import SecretError, read_secret
+from rmr.bus.secret import SecretError
 from rmr.bus.session import open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -57,7 +58,7 @@ class AttachOptions:
 
 def attach(options: AttachOptions) -> int:
     """Watch a lab to its end; return the exit code, as `rmr up` would. Raises FleetError."""
-    if missing := unreadable((lab_path(options.lab), options.secret)):
+    if missing := unreadable((lab_path(options.lab), secret_file(options.secret))):
         raise FleetError(missing[0])
     try:
         check_endpoint(options.connect)
@@ -66,7 +67,7 @@ def attach(options: AttachOptions) -> int:
         return asyncio.run(_watched(plan, options))
     except RunRefusedError as refusal:
         raise FleetError(str(refusal).rstrip("\n"), refusal.exit_code) from None
-    except SecretError as error:
+    except (SecretError, CertificateError) as error:
         raise FleetError(str(error), ExitCode.INVALID) from None
     except NotAdmittedError as error:
         raise FleetError(str(error), ExitCode.FAILED) from None
@@ -103,7 +104,8 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
 
 async def _monitor(lab: Lab, options: AttachOptions) -> StatusMonitor:
     """Return the monitor once the world's router answers and a process of the lab has told its status."""
-    secret = None if options.secret is None else read_secret(options.secret)
+    secret = read_credentials(options.secret)
+    check_keys(secret, "operator", "viewer", of=lab.name if lab.mtls else None)
     if problem := host_problem(options.connect):
         raise FleetError(f"no world at {options.connect}{problem}", ExitCode.FAILED)
     opening = open_when_there(wire.OPERATOR_ID, options.connect, lambda: None, secret)

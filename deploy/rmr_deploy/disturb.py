@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
+from rmr.bus.certificates import Certificate, CertificateError, default_endpoint, read_credentials, secret_file
+from rmr.bus.endpoint import BusError, check_endpoint, is_tls
 from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.middleware import NobodyThereError
-from rmr.bus.secret import SecretError, read_secret
+from rmr.bus.secret import SecretError
 from rmr.bus.session import Bus, open_bus
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -36,7 +37,7 @@ class WorldAddress(NamedTuple):
 
     endpoint: str
     secret: Path | None
-    """The file with the secret; None if the bus has none."""
+    """The file with the secret, or the folder with keys; None if the bus has none."""
 
 
 def perform(
@@ -79,14 +80,16 @@ def find(
             raise FleetError(str(error), ExitCode.USAGE) from None
     run = found_run(folder, lab)
     if run is None:
-        return WorldAddress(DEFAULT_ENDPOINT, secret)
+        return WorldAddress(default_endpoint(secret), secret)
     if run.endpoint is None:
         raise FleetError(f"the record of the run in {shown(run.folder)} does not say where its world listens")
     if (run.folder / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
         raise FleetError(f"the run in {shown(run.folder)} is over", ExitCode.FAILED)
     if run.launched:
         wait_for_start(run, verb)
-    return WorldAddress(run.endpoint, secret or secret_of(run.folder))
+    own = secret_of(run.folder)
+    fits = secret is not None and secret.is_dir() == is_tls(run.endpoint)  # keys of the environment may not
+    return WorldAddress(run.endpoint, secret if fits else own)
 
 
 def keys_of(lab: str | None) -> Keys:
@@ -112,12 +115,14 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
 def opened(place: WorldAddress) -> Iterator[Bus]:
     """Open the bus at `place` for an operator, and close it in the end. Raises FleetError."""
     endpoint = place.endpoint
-    if missing := unreadable((place.secret,)):
+    if missing := unreadable((secret_file(place.secret),)):
         raise FleetError(missing[0], ExitCode.USAGE)
     try:
-        secret = None if place.secret is None else read_secret(place.secret)
+        secret = read_credentials(place.secret)
+        if isinstance(secret, Certificate):
+            secret.check_role("operator")
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
-    except SecretError as error:
+    except (SecretError, CertificateError) as error:
         raise FleetError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
         why = why_no_session(endpoint)

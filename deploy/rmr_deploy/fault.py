@@ -62,6 +62,7 @@ def _declare_place(parser: "Parser") -> None:
     parser.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}.")
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, where no run folder holds it.")
+    parser.option("--keys", metavar="DIR", read=Path, help="The folder with an operator's keys, for tls/HOST:PORT.")
     parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     parser.flag("--json", dest="as_json", help="What disturbs the radio now, as JSON.")
 
@@ -249,11 +250,13 @@ def _disturbance(
 
 
 def _ask(wish: str, added: "Disturbance | None", **place: Any) -> int:
+    from rmr.bus.certificates import credentials_path
     from rmr.entry.command_line import CommandLineError
     from rmr_deploy.disturb import perform
 
     if place["connect"] is not None and place["folder"] is not None:
         raise CommandLineError("say --connect or --run, not both")
+    place["secret"] = credentials_path(place["secret"], place.pop("keys"), [place["connect"]])
     return perform(wish, added, **place)
 
 

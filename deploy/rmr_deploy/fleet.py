@@ -122,8 +122,10 @@ def _declare_attach(parser: "Parser") -> None:
     from rmr_world.provided_labs import existing_lab
 
     parser.positional("lab", "LAB", read=existing_lab)
-    parser.option("--connect", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="Where the world listens.")
+    where = f"Where the world listens (default: {DEFAULT_ENDPOINT}; with keys tls)."
+    parser.option("--connect", metavar="ENDPOINT", help=where)
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, if it has one.")
+    parser.option("--keys", metavar="DIR", read=Path, help="The folder with an operator's or a viewer's keys.")
     limit = "Seconds for the world to answer, and to return."
     parser.option("-t", "--timeout", dest="timeout_s", metavar="S", read=real(0), default="10", help=limit)
     parser.flag("--json", dest="as_json", help="The report on standard output, all else on standard error.")
@@ -202,8 +204,11 @@ def _config(**options: Any) -> int:
 
 
 def _attach(**options: Any) -> int:
+    from rmr.bus.certificates import credentials_path, default_endpoint
     from rmr_deploy.attach import AttachOptions, attach
 
+    options["secret"] = credentials_path(options["secret"], options.pop("keys"), [options["connect"]])
+    options["connect"] = options["connect"] or default_endpoint(options["secret"])
     return attach(AttachOptions(**options))
 
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from rmr.entry.command_line import CommandGroup, Parser
 
 ABOUT = """\
-Keys of a lab: a CA in a folder, and certificates that it issues.
+Keys of a lab with `bus: {security: mtls}`: a CA in a folder, and certificates that it issues.
 
-Each process of the lab is given a folder with its own key and certificate.
+Each process of the lab is given a folder with its own key and certificate, and names it with --keys DIR.
 """
 
 EPILOG = "The folder of the CA stays with whoever issues keys. No process needs it."

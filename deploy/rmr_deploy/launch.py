@@ -108,7 +108,7 @@ class LabRun:
             self._processes.kill()
             if self.monitor is not None:
                 self.monitor.close()
-            self.plan.secret.unlink(missing_ok=True)
+            self.plan.forget_secret()
             self.outcome.wall_s = time.monotonic() - self._began
         sweep(self.plan, self._processes, self.outcome.ended, self.monitor, self.events, self._screen.say)
         return self.outcome
@@ -128,7 +128,7 @@ class LabRun:
     def _start(self) -> str:
         """Start the processes; return what `write_processes` does. Raises OSError."""
         plan = self.plan
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        endpoint = f"{'tcp' if plan.options.keys is None else 'tls'}/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
         self._world = self._child("world", "world", world_command(plan, endpoint))
         for robots in plan.process_robots:

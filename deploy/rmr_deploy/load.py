@@ -35,6 +35,7 @@ def _declare(parser: "Parser") -> None:
     parser.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}.")
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of the bus, where no run folder holds it.")
+    parser.option("--keys", metavar="DIR", read=Path, help="The folder with an operator's keys, for tls/HOST:PORT.")
     parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     parser.flag("--json", dest="as_json", help="The outcome as JSON.")
 
@@ -47,11 +48,13 @@ def command() -> "Command":
 
 
 def _load(robot: list[int] | None, robots: list[int] | None, **options: Any) -> int:
+    from rmr.bus.certificates import credentials_path
     from rmr.entry.command_line import CommandLineError
     from rmr_deploy.load_run import perform
 
     if options["connect"] is not None and options["folder"] is not None:
         raise CommandLineError("say --connect or --run, not both")
+    options["secret"] = credentials_path(options["secret"], options.pop("keys"), [options["connect"]])
     if robot is not None and robots is not None:
         raise CommandLineError("say ID or --robots, not both")
     return perform(robots=robot or robots, **options)

@@ -6,6 +6,8 @@ pattern are judged against the program. `RunRefusedError` carries the message an
 """
 
 import contextlib
+import os
+import shutil
 import socket
 import sys
 from collections.abc import Sequence
@@ -16,6 +18,7 @@ from typing import Final
 from rmr.base.file_errors import naming
 from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
+from rmr.bus.certificates import KEYS_VARIABLE, CertificateError, read_certificate
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -23,6 +26,7 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import PARTS_FOLDER
 from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr.record.run_files import attach_files
+from rmr_deploy.active_runs import OPERATOR_KEYS
 from rmr_deploy.resolved_lab import write_lab
 from rmr_deploy.restarts import RestartPolicy
 from rmr_world.finding import LabError
@@ -83,6 +87,8 @@ class RunOptions:
     """The page's port; None: a free one."""
     control: bool = False
     """Whether the page may add faults."""
+    keys: Path | None = None
+    """The folder of the CA that has issued the keys of the processes; None where they have a secret."""
     watch: bool = False
     """Whether the program is compiled and loaded when its source is saved."""
 
@@ -112,8 +118,21 @@ class RunPlan:
 
     @property
     def secret(self) -> Path:
-        """The file with the secret of the run's bus, which is there until the run is over."""
-        return self.folder / SECRET_FILE
+        """The file with the secret of the run's bus, or the launcher's keys: there until the run is over."""
+        return self.folder / (SECRET_FILE if self.options.keys is None else OPERATOR_KEYS)
+
+    def admission(self, process: str) -> list[str]:
+        """Return the words of the command of `process` by which it is let in."""
+        if self.options.keys is None:
+            return ["--secret", str(self.secret)]
+        return ["--keys", str((self.secret.parent / process).absolute())]
+
+    def forget_secret(self) -> None:
+        """Remove what lets processes in, and leave nothing of it."""
+        if self.options.keys is None:
+            self.secret.unlink(missing_ok=True)
+        else:
+            shutil.rmtree(self.secret.parent, ignore_errors=True)
 
     @property
     def logs(self) -> Path:
@@ -151,6 +170,7 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
     lab = read_lab(options.lab, options.robots)
     if options.seed is not None:
         lab = replace(lab, seed=options.seed)
+    options = replace(options, keys=_keys(lab, options))
     program = read_program(lab, color=color)
     try:
         options = replace(options, actions=options.actions or lab.actions)
@@ -170,7 +190,7 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
         write_lab(plan.lab, plan.folder)
         _begin_recording(plan)
     except OSError as error:
-        plan.secret.unlink(missing_ok=True)
+        plan.forget_secret()
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
     return plan
@@ -197,6 +217,9 @@ def _keep_private(plan: RunPlan) -> None:
     """
     with contextlib.suppress(PermissionError):  # another user's folder that we may write to: the file is ours
         plan.folder.chmod(0o700)
+    if plan.options.keys is not None:
+        _hand_out_keys(plan, plan.options.keys)
+        return
     make_secret(plan.secret)
     try:
         read_secret(plan.secret)
@@ -204,6 +227,40 @@ def _keep_private(plan: RunPlan) -> None:
         plan.secret.unlink()
         message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
+
+
+def _keys(lab: Lab, options: RunOptions) -> Path | None:
+    """Return the folder of the CA, None for a lab that has a secret. Raises RunRefusedError."""
+    if not lab.mtls:
+        if options.keys is not None:
+            message = (
+                f"rmr up: lab {lab.name} has no `bus: {{security: mtls}}`: leave --keys out, or add that to its file"
+            )
+            raise RunRefusedError(message, ExitCode.USAGE)
+        return None
+    told = os.environ.get(KEYS_VARIABLE)
+    if options.keys is None and not told:
+        message = f"lab {lab.name} has `security: mtls`: name the folder of its CA (rmr keys init) with --keys"
+        raise RunRefusedError(message, ExitCode.INVALID)
+    return options.keys or Path(told or "")
+
+
+def _hand_out_keys(plan: RunPlan, ca: Path) -> None:
+    """Write the keys of each process into the run folder. Raises RunRefusedError, OSError."""
+    from rmr.bus.authority import Authority, write_bundle  # noqa: PLC0415 - heavy, and used with keys alone
+
+    folder = plan.secret.parent
+    try:
+        authority = Authority(ca)
+        names = {"world": authority.good("world"), plan.secret.name: authority.good("operator")}
+        names |= {f"robots-{spelled(ids)}": authority.good("robot", ids) for ids in plan.process_robots}
+        folder.mkdir(0o700)
+        for name, who in names.items():
+            write_bundle(authority.bundle(who), folder / name)
+            read_certificate(folder / name)
+    except CertificateError as error:
+        plan.forget_secret()
+        raise RunRefusedError(str(error), ExitCode.INVALID) from None
 
 
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
@@ -238,7 +295,7 @@ def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     """Return the command that starts the world."""
     lab = plan.lab
     options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
-    return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.admission("world")]
 
 
 def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:
@@ -246,7 +303,7 @@ def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[s
     actions = ["--actions", str(plan.options.actions)] if plan.options.actions else []
     files = (["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []) + plan.state(robots)
     options = ["--id", spelled(robots), "--connect", endpoint, "--lab", plan.lab.name, *actions, *files]
-    return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]
+    return [*python("rmr_agent.main"), *options, *plan.admission(f"robots-{spelled(robots)}"), str(plan.byte_code)]
 
 
 def python(module: str) -> list[str]:

@@ -36,6 +36,7 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
         "robots": [{"id": robot.id, "pose": list(robot.pose)} for robot in lab.robots],
         "facts": [_fact(fact) for fact in lab.initial_facts],
         "radio": {"seed": lab.radio.seed, "security": lab.radio.security, **asdict(lab.radio.config)},
+        "bus": {"security": "mtls" if lab.mtls else "secret"},
         "localisation": asdict(lab.localisation),
         "disturbances": [_always(one, lab) for one in lab.disturbances if one.until >= NEVER],
         "faults": fault_entries(lab),

@@ -55,6 +55,12 @@ def _declare(parser: "Parser") -> None:
         help="admit only processes and routers that know the secret in FILE, which is made if it does not exist and "
         "nothing is connected to (default: all)",
     )
+    parser.option(
+        "--keys",
+        read=Path,
+        metavar="DIR",
+        help="the folder with the keys of this router, for an endpoint tls/HOST:PORT (default: that in RMR_KEYS)",
+    )
     parser.flag("--open", help="admit everybody who reaches --listen, on other machines, too, without a secret")
     parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
 
@@ -70,7 +76,8 @@ def _perform(
     *, action: str | None, lab: Path | None, host: str | None, listen: str | None, log: Path | None, **common: Any
 ) -> int:
     """Run the router until its end, or print a configuration; return the exit code."""
-    from rmr.bus.endpoint import DEFAULT_ENDPOINT, DEFAULT_PORT, read_endpoint
+    from rmr.bus.certificates import credentials_path, default_endpoint
+    from rmr.bus.endpoint import DEFAULT_PORT, read_endpoint
     from rmr.bus.listening import check_open
     from rmr.entry.command_line import CommandLineError
 
@@ -80,9 +87,12 @@ def _perform(
         raise CommandLineError("config needs a lab and its host: rmr router config LAB --host HOST")
     if action is not None and log is not None:
         raise CommandLineError("--log goes without config")
+    common["secret"] = credentials_path(common["secret"], common.pop("keys"), [listen, *common["connect"]])
     if listen is None:
+        listen = default_endpoint(common["secret"])
+        protocol = listen.partition("/")[0]
         try:
-            listen = DEFAULT_ENDPOINT if host is None else read_endpoint(f"tcp/{host}:{DEFAULT_PORT}")
+            listen = listen if host is None else read_endpoint(f"{protocol}/{host}:{DEFAULT_PORT}")
         except ValueError:
             raise CommandLineError(f"--host: '{host}' is no name or address of a host") from None
     check_open(listen, secret=common["secret"] is not None, opened=common["open"])

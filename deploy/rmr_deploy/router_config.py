@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rmr.bus.certificates import CertificateError, check_keys, secret_file
 from rmr.bus.listening import secret_of_listener
 from rmr.bus.middleware import router_settings
 from rmr.bus.secret import SecretError
@@ -23,14 +24,15 @@ from rmr_world.provided_labs import missing, resolve
 def show(path: Path, host: str, listen: str, connect: Sequence[str], file: Path | None) -> int:
     """Print the configuration of the router on `host` for the lab in `path`; return the exit code."""
     problems = [] if resolve(path).exists() else [missing(path)]
-    problems += unreadable([] if problems else [lab_path(path)]) + unreadable([file])
+    problems += unreadable([] if problems else [lab_path(path)]) + unreadable([secret_file(file)])
     if problems:
         print("\n".join(f"rmr router: {problem}" for problem in problems), file=sys.stderr)
         return ExitCode.USAGE
     try:
         lab = load_lab(path)
         secret = secret_of_listener(None if file is None else file.absolute(), makes=False)
-    except (LabError, SecretError) as error:
+        check_keys(secret, "router", of=lab.name if lab.mtls else None)
+    except (LabError, SecretError, CertificateError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
     settings = router_settings(listen, connect, secret, f"{lab.name}/{host}")

@@ -13,6 +13,7 @@ import time
 
 from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
+from rmr.bus.certificates import Certificate, CertificateError, Credentials, secret_file
 from rmr.bus.endpoint import BusError
 from rmr.bus.listening import SAY_AGAIN_S, Refused, secret_of_listener, warn_if_open
 from rmr.bus.middleware import InUseError, NotAdmittedError, Router
@@ -40,12 +41,14 @@ def perform(options: argparse.Namespace) -> int:
         print(f"rmr router: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
     is_made = not options.connect and options.secret is not None and not options.secret.exists()
-    if missing := unreadable([None if is_made else options.secret]):
+    if missing := unreadable([None if is_made else secret_file(options.secret)]):
         print(f"rmr router: {missing[0]}", file=sys.stderr)
         return ExitCode.USAGE
     try:
         secret = secret_of_listener(options.secret, makes=not options.connect)
-    except SecretError as error:
+        if isinstance(secret, Certificate):
+            secret.check_role("router")
+    except (SecretError, CertificateError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
     except OSError as error:
@@ -55,15 +58,15 @@ def perform(options: argparse.Namespace) -> int:
     return run_to_end(_live(options, secret, ending), ending, log)
 
 
-async def _live(options: argparse.Namespace, secret: Secret | None, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, secret: Credentials | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    if secret is not None:
+    if isinstance(secret, Secret):
         refusals.watch(Refused())
     try:
         router = Router(options.listen, options.connect, secret)
     except InUseError as error:
-        raise BusError(f"{error}: {await who_listens(options.listen)}") from None
+        raise BusError(f"{error}: {await who_listens(options.listen, secret)}") from None
     log.info("a router at %s", options.listen)
     warn_if_open(options.listen, opened=options.open)
     try:
@@ -72,20 +75,26 @@ async def _live(options: argparse.Namespace, secret: Secret | None, ending: Endi
         router.close()
 
 
-async def _watch(router: Router, connect: list[str], secret: Secret | None) -> None:
+async def _watch(router: Router, connect: list[str], secret: Credentials | None) -> None:
     """Say what changes. Raises NotAdmittedError for a router at `connect` that refuses from the beginning."""
-    await asyncio.gather(_tell_company(router), *(_follow(router, endpoint, secret) for endpoint in connect))
+    revoked = set(secret.revoked) if isinstance(secret, Certificate) else set()
+    await asyncio.gather(_tell_company(router, revoked), *(_follow(router, endpoint, secret) for endpoint in connect))
 
 
-async def _tell_company(router: Router) -> None:
-    """Say how many are connected, at the beginning and on each change."""
+async def _tell_company(router: Router, revoked: set[str]) -> None:
+    """Say how many are connected, at the beginning and on each change, and of whom nothing is carried."""
     told = ""
+    denied: set[str] = set()
     while True:
         routers = list(router.connected().values())
         now = f"connected: {_counted(sum(routers), 'router')}, {_counted(routers.count(False), 'process')}"
         if now != told:
             log.info("%s", now)
         told = now
+        if revoked and denied != (now_denied := router.holders() & revoked):
+            for subject in sorted(now_denied - denied):
+                log.warning("%s is connected with a revoked certificate: nothing of it is carried", subject)
+            denied = now_denied
         await asyncio.sleep(LOOK_S)
 
 
@@ -94,7 +103,7 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{plural}"
 
 
-async def _follow(router: Router, endpoint: str, secret: Secret | None) -> None:
+async def _follow(router: Router, endpoint: str, secret: Credentials | None) -> None:
     """Say when the router at `endpoint` is joined and when it is not, and why. Raises as `_watch`, and for this one."""
     other = await _router_at(endpoint, secret)
     while True:
@@ -111,7 +120,7 @@ async def _follow(router: Router, endpoint: str, secret: Secret | None) -> None:
         other = await _router_back_at(endpoint, secret)
 
 
-async def _router_at(endpoint: str, secret: Secret | None) -> str:
+async def _router_at(endpoint: str, secret: Credentials | None) -> str:
     """Return the id of the router at `endpoint` when it is there. Raises NotAdmittedError."""
     say = Throttle(lambda: log.info("waiting for the router at %s%s", endpoint, why_no_session(endpoint)), SAY_AGAIN_S)
     bus = await open_when_there(wire.OPERATOR_ID, endpoint, say, secret)
@@ -121,7 +130,7 @@ async def _router_at(endpoint: str, secret: Secret | None) -> str:
         bus.close()
 
 
-async def _router_back_at(endpoint: str, secret: Secret | None) -> str:
+async def _router_back_at(endpoint: str, secret: Credentials | None) -> str:
     """Return the id of the router at `endpoint` when it is there and lets this one in."""
     told = ""
     while True:

@@ -24,8 +24,8 @@ from typing import Any, Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
+from rmr.bus.certificates import read_credentials
 from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
-from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 from rmr_world.incarnations import with_lost_jobs
 from rmr_world.quorum import DIED, NEVER_CAME, STOPPED, Fate
@@ -101,11 +101,11 @@ class StatusMonitor:
 
     @classmethod
     async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":
-        """Return the monitor of `lab` as soon as its router answers at `endpoint`; `secret` is a file.
+        """Return the monitor of `lab` as soon as its router answers at `endpoint`; `secret` is a file, or a folder.
 
-        Raises SecretError, and NotAdmittedError when the router refuses the session.
+        Raises SecretError, CertificateError, and NotAdmittedError when the router refuses the session.
         """
-        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None, read_secret(secret)), lab)
+        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None, read_credentials(secret)), lab)
 
     def _status(self, _key: str, message: wire.Envelope) -> None:
         if not isinstance(message.body, wire.Status):

@@ -53,6 +53,9 @@ def _declare(parser: "Parser") -> None:
         help="on-failure[:N]: start a robot that fails again, N times at most (default: no).",
     )
     parser.flag("--durable", help="Robots keep their state in the run folder: one that is started again goes on.")
+    parser.option(
+        "--keys", metavar="DIR", read=Path, help="The folder of the CA, where the lab has security mtls (or RMR_KEYS)."
+    )
     parser.flag("--watch", help="Compile the program when it is saved, and load it onto the running robots.")
     parser.flag("--keep-going", help="Go on without a robot that died; the exit code is 1 all the same.")
 

@@ -17,9 +17,9 @@ from typing import Any
 from rmr.base.arena import to_data
 from rmr.base.time import NEVER, in_seconds, seconds
 from rmr.bus import wire
+from rmr.bus.certificates import read_credentials
 from rmr.bus.endpoint import BusError
 from rmr.bus.keys import ROBOT_ROLE, Keys, last_id
-from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 from rmr.radio.links import Disturbance
 from rmr.record.growing_recording import GrowingRecording
@@ -101,7 +101,7 @@ class LiveSource:
         if endpoint is None:
             return
         try:
-            known = None if secret is None else read_secret(secret)
+            known = read_credentials(secret)
             self._bus = await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None, known)
         except BusError as error:
             self._problems.append(f"no live data: {error}")

@@ -216,6 +216,18 @@ class Authority:
         revoked = [one for one in self.index() if one.revoked is not None]
         return sorted({replace(Holder.read(one.who), generation=one.generation).subject for one in revoked})
 
+    def good(self, role: str, robots: Sequence[int] = ()) -> Holder:
+        """Return a holder of `role`, of all of `robots`, that has a certificate: the one of no other robots first."""
+        held = {one.who: Holder.read(one.who) for one in self.index() if one.revoked is None}
+        fit = [who for who in held.values() if who.role == role and set(robots) <= set(who.robots)]
+        if fit:
+            return min(fit, key=lambda who: (len(who.robots), str(who)))
+        word = f"--{role} {spelled(robots) if robots else 'NAME' * (role != 'world')}".strip()
+        raise CertificateError(
+            f"{self.folder}: no {role}{f' {spelled(robots)}' if robots else ''} has a certificate; issue one with "
+            f"rmr keys issue {self.folder} {word}"
+        )
+
     def bundle(self, who: Holder) -> dict[str, bytes]:
         """Return the files that a process of `who` needs, by name."""
         key_file, file = self._files(who)

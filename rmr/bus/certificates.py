@@ -9,16 +9,21 @@ A process has its own in a private folder, with its key and the certificate of t
 has the list of revoked ones there, too. What is wrong with the folder is said in one sentence, before it is used.
 """
 
+import os
 import stat
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rmr.base.ids import listed, spelled
-from rmr.bus.endpoint import BusError
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, BusError, is_tls
+from rmr.bus.secret import Secret, read_secret
+from rmr.entry.command_line import CommandLineError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cryptography import x509
 
 CA_FILE: Final = "ca.pem"
@@ -39,6 +44,16 @@ URI_SCHEME: Final = "rmr:"
 
 FILE_OCTETS_MAX: Final = 1 << 20
 """Greatest size of a file with a certificate, a key or a list."""
+
+
+KEYS_VARIABLE: Final = "RMR_KEYS"
+"""Environment variable with the folder of a process's keys, where no option names it."""
+
+_ALL_MESSAGES: Final = (
+    "put delete declare_subscriber query declare_queryable reply liveliness_token liveliness_query "
+    "declare_liveliness_subscriber"
+)
+"""What zenoh's access control tells apart."""
 
 
 class CertificateError(BusError):
@@ -108,6 +123,103 @@ class Certificate:
     revoked: tuple[str, ...] = ()
     """Subjects that a listener lets do nothing."""
 
+    def client_settings(self) -> dict[str, Any]:
+        """Return the settings of zenoh for whoever connects, by key."""
+        tls = "transport/link/tls"
+        return {
+            f"{tls}/root_ca_certificate": str(self.folder / CA_FILE),
+            f"{tls}/enable_mtls": True,
+            f"{tls}/verify_name_on_connect": True,
+            f"{tls}/close_link_on_expiration": True,
+            f"{tls}/connect_certificate": str(self.folder / CERTIFICATE_FILE),
+            f"{tls}/connect_private_key": str(self.folder / KEY_FILE),
+        }
+
+    def router_settings(self, _name: str = "") -> dict[str, Any]:
+        """Return the settings of zenoh for a router, by key: it takes TLS alone, and is deaf to the revoked."""
+        tls = "transport/link/tls"
+        settings: dict[str, Any] = {
+            **self.client_settings(),
+            "transport/link/protocols": ["tls"],
+            f"{tls}/listen_certificate": str(self.folder / CERTIFICATE_FILE),
+            f"{tls}/listen_private_key": str(self.folder / KEY_FILE),
+        }
+        if self.revoked:
+            name = "revoked"
+            rule = {"permission": "deny", "flows": ["ingress", "egress"], "messages": _ALL_MESSAGES.split()}
+            settings |= {
+                "access_control/enabled": True,
+                "access_control/default_permission": "allow",
+                "access_control/rules": [{"id": name, **rule, "key_exprs": ["**"]}],
+                "access_control/subjects": [{"id": name, "cert_common_names": list(self.revoked)}],
+                "access_control/policies": [{"rules": [name], "subjects": [name]}],
+            }
+        return settings
+
+    def check_role(self, *roles: str, robots: tuple[int, ...] = ()) -> None:
+        """Raise CertificateError unless the holder has one of `roles`, and is all of `robots`."""
+        if self.holder.role not in roles or not set(robots) <= set(self.holder.robots):
+            wanted = [f"robot/{spelled(robots)}"] if robots else list(roles)
+            raise CertificateError(
+                f"{self.folder}: the keys of {self.holder}, where those of {' or '.join(wanted)} are needed; "
+                "issue them with rmr keys issue"
+            )
+
+
+Credentials = Secret | Certificate
+"""What a process shows to be let in."""
+
+
+def read_credentials(path: Path | None) -> Credentials | None:
+    """Return the certificate in a folder, or the secret in a file. Raises CertificateError, SecretError."""
+    if path is None:
+        return None
+    return read_certificate(path) if path.is_dir() else read_secret(path)
+
+
+def check_keys(credentials: Credentials | None, *roles: str, of: str | None = None) -> None:
+    """Raise CertificateError for keys of another role, or none where those of a lab `of` this name are needed."""
+    if isinstance(credentials, Certificate):
+        credentials.check_role(*roles)
+    elif of is not None:
+        raise CertificateError(
+            f"lab {of} has `security: mtls`: name the folder with the keys of this process with --keys DIR, "
+            "which rmr keys bundle writes"
+        )
+
+
+def secret_file(path: Path | None) -> Path | None:
+    """Return `path` unless it is a folder of keys, which `read_certificate` judges."""
+    return None if path is not None and path.is_dir() else path
+
+
+def credentials_path(secret: Path | None, keys: Path | None, endpoints: "Sequence[str | None]" = ()) -> Path | None:
+    """Return the file of --secret, or the folder of --keys or `KEYS_VARIABLE`, for `endpoints` that a person named.
+
+    The environment counts where neither a secret nor an endpoint without TLS is named. Raises CommandLineError.
+    """
+    named = [endpoint for endpoint in endpoints if endpoint is not None]
+    plain = [endpoint for endpoint in named if not is_tls(endpoint)]
+    if keys is None and secret is None and not plain and os.environ.get(KEYS_VARIABLE):
+        keys = Path(os.environ[KEYS_VARIABLE])
+    if keys is None and len(plain) < len(named):
+        tls = next(filter(is_tls, named))
+        raise CommandLineError(f"{tls} needs keys: name their folder with --keys DIR, which rmr keys bundle writes")
+    if keys is not None and secret is not None:
+        raise CommandLineError("--keys goes without --secret: a process is let in by the one or by the other")
+    if keys is not None and plain:
+        raise CommandLineError(f"--keys goes with an endpoint tls/HOST:PORT, not with {plain[0]}")
+    if secret is not None and secret.is_dir():
+        raise CommandLineError(f"--secret: {secret}: Is a directory; a folder of keys is named with --keys")
+    if keys is not None and not keys.is_dir():
+        raise CommandLineError(f"--keys: there is no folder {keys}; rmr keys bundle writes it")
+    return secret if keys is None else keys.absolute()
+
+
+def default_endpoint(credentials: Path | None) -> str:
+    """Return where a world listens by default, for whoever is let in by the folder or file `credentials`."""
+    return DEFAULT_TLS_ENDPOINT if credentials is not None and credentials.is_dir() else DEFAULT_ENDPOINT
+
 
 def holder_of(certificate: "x509.Certificate") -> Holder:
     """Return whom `certificate` names. Raises ValueError for one that rmr has not issued."""
@@ -151,7 +263,7 @@ def read_certificate(folder: Path, now: datetime | None = None) -> Certificate:
         raise CertificateError(
             f"{folder}: this is the folder of a CA; give a process its own: rmr keys bundle {folder} WHO -o DIR"
         )
-    octets = {name: _read(folder, name) for name in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)}
+    octets = {name: read_file(folder, name) for name in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)}
     ca = parsed(octets[CA_FILE], folder / CA_FILE)
     certificate = parsed(octets[CERTIFICATE_FILE], folder / CERTIFICATE_FILE)
     try:
@@ -183,7 +295,7 @@ def parsed(octets: bytes, file: Path) -> "x509.Certificate":
 
 
 def _revoked(folder: Path) -> tuple[str, ...]:
-    subjects = tuple(_read(folder, REVOKED_FILE).decode(errors="replace").split())
+    subjects = tuple(read_file(folder, REVOKED_FILE).decode(errors="replace").split())
     for subject in subjects:
         try:
             Holder.read(subject)
@@ -192,7 +304,7 @@ def _revoked(folder: Path) -> tuple[str, ...]:
     return subjects
 
 
-def _read(folder: Path, name: str) -> bytes:
+def read_file(folder: Path, name: str) -> bytes:
     """Return the octets of a file in `folder`. Raises CertificateError, also where others can read either."""
     file = folder / name
     try:

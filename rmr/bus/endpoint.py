@@ -13,10 +13,10 @@ DEFAULT_PORT = 17447
 DEFAULT_ENDPOINT = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 """Default endpoint at which a world listens and to which a robot connects."""
 
-ENDPOINT = re.compile(r"(tcp|udp|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
+ENDPOINT = re.compile(r"(tcp|tls|udp|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
 
-ENCRYPTED = re.compile(r"(tls|quic)/.*")
-"""Protocols of zenoh that need keys, for which there is no option."""
+DEFAULT_TLS_ENDPOINT = f"tls/127.0.0.1:{DEFAULT_PORT}"
+"""The same for processes with keys."""
 
 RESOLVE_S_MAX = 2.0
 """How long a name may take to be found."""
@@ -34,8 +34,8 @@ class BusError(Exception):
 
 def check_endpoint(endpoint: str) -> str:
     """Return `endpoint` if it is one. Raises BusError."""
-    if encrypted := ENCRYPTED.fullmatch(endpoint):
-        raise BusError(f"'{endpoint}': {encrypted[1]} needs keys, which rmr cannot be given yet; write tcp, udp or ws")
+    if endpoint.startswith("quic/"):
+        raise BusError(f"'{endpoint}': rmr does not use quic; write tls for an endpoint with keys, or tcp, udp or ws")
     match = ENDPOINT.fullmatch(endpoint)
     if not match or not 0 < int(match[3]) < 65536:
         raise BusError(f"'{endpoint}' is no endpoint: expected PROTOCOL/HOST:PORT, for example {DEFAULT_ENDPOINT}")
@@ -48,6 +48,18 @@ def read_endpoint(text: str) -> str:
         return check_endpoint(text)
     except BusError as error:
         raise ValueError(str(error)) from None
+
+
+def is_tls(endpoint: str) -> bool:
+    """Return whether an endpoint is one of processes with keys."""
+    return endpoint.startswith("tls/")
+
+
+def host_and_port(endpoint: str) -> tuple[str, int]:
+    """Return the parts of a valid endpoint."""
+    match = ENDPOINT.fullmatch(endpoint)
+    assert match is not None
+    return match[2].strip("[]"), int(match[3])
 
 
 def is_loopback(endpoint: str) -> bool:

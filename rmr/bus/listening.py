@@ -6,9 +6,10 @@ Imports no zenoh, so that wrong usage costs little.
 import logging
 from pathlib import Path
 
+from rmr.bus.certificates import Credentials, read_credentials
 from rmr.bus.endpoint import is_loopback
 from rmr.bus.process import Throttle
-from rmr.bus.secret import Secret, make_secret, read_secret
+from rmr.bus.secret import make_secret
 from rmr.entry.command_line import CommandLineError
 
 SAY_AGAIN_S = 5.0
@@ -26,7 +27,7 @@ def check_open(listen: str | None, *, secret: bool, opened: bool) -> None:
     if beyond and not secret and not opened:
         raise CommandLineError(
             f"whoever reaches {listen}, from other machines, too, could drive the robots: name a secret with "
-            "--secret FILE, which is made if it does not exist, or allow that with --open"
+            "--secret FILE, which is made if it does not exist, or keys with --keys DIR, or allow that with --open"
         )
 
 
@@ -36,17 +37,17 @@ def warn_if_open(listen: str | None, *, opened: bool) -> None:
         log.warning("open: whoever reaches %s, on any machine, can drive the robots and end the run", listen)
 
 
-def secret_of_listener(file: Path | None, *, makes: bool) -> Secret | None:
+def secret_of_listener(file: Path | None, *, makes: bool) -> Credentials | None:
     """Return the secret in `file`, None without one; where it `makes` a secret, one that is not there is made.
 
-    Raises SecretError, OSError.
+    A folder has a certificate instead. Raises CertificateError, SecretError, OSError.
     """
     if file is None:
         return None
     if makes and not file.exists():
         make_secret(file)
         log.info("made a new secret: %s", file)
-    return read_secret(file)
+    return read_credentials(file)
 
 
 class Refused:

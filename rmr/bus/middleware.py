@@ -4,14 +4,18 @@ import contextlib
 import json
 import os
 import re
+import secrets
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from rmr.bus import admission
-from rmr.bus.endpoint import BusError, check_endpoint, host_problem
+from rmr.bus.certificates import LISTENERS, Certificate, Credentials
+from rmr.bus.endpoint import BusError, check_endpoint, host_problem, is_tls
 from rmr.bus.secret import Secret
 
 POOLS_VARIABLE = "ZENOH_RUNTIME"
@@ -31,6 +35,11 @@ RETRY_MAX_MS = 1000
 
 HANDSHAKE_MS = 1500
 """Limit for the answer of a router that has accepted the connection; a stopped process never answers."""
+
+
+ECHO_S = 3.0
+ECHO_PAUSE_S = 0.01
+"""Limit for a client's own message to come back through its router, and the pause between its repeats."""
 
 
 class InUseError(BusError):
@@ -70,7 +79,7 @@ def _open(settings: dict[str, Any]) -> Any:
         return zenoh.open(config)
 
 
-def router_settings(listen: str, connect: Sequence[str], secret: Secret | None, name: str = "") -> dict[str, Any]:
+def router_settings(listen: str, connect: Sequence[str], secret: Credentials | None, name: str = "") -> dict[str, Any]:
     """Return the settings of zenoh, by key, for a router at `listen` that joins those at `connect` once they are there.
 
     Under a `secret` a router with a `name` has the same id each time.
@@ -86,7 +95,7 @@ def router_settings(listen: str, connect: Sequence[str], secret: Secret | None, 
     }
 
 
-def _client_settings(connect: str, secret: Secret | None) -> dict[str, Any]:
+def _client_settings(connect: str, secret: Credentials | None) -> dict[str, Any]:
     return {
         "mode": "client",
         "listen/endpoints": [],
@@ -125,7 +134,7 @@ def _thread_pools(*, routes: bool) -> Iterator[None]:
         os.environ.pop(POOLS_VARIABLE, None)
 
 
-def open_router(listen: str, connect: Sequence[str] = (), secret: Secret | None = None) -> Any:
+def open_router(listen: str, connect: Sequence[str] = (), secret: Credentials | None = None) -> Any:
     """Return the session of a router at `listen`; it joins the routers at `connect` as soon as they are there.
 
     Raises BusError (a bad endpoint, an address in use). Whether a router at `connect` is there, and lets this one in,
@@ -133,6 +142,9 @@ def open_router(listen: str, connect: Sequence[str] = (), secret: Secret | None 
     """
     for endpoint in (listen, *connect):
         check_endpoint(endpoint)
+        _check_keys(endpoint, secret)
+    if isinstance(secret, Certificate):
+        secret.check_role(*LISTENERS)
     if problem := host_problem(listen):  # zenoh would look for a host as long as the system does
         raise BusError(f"cannot use {listen}{problem}")
     try:
@@ -141,12 +153,13 @@ def open_router(listen: str, connect: Sequence[str] = (), secret: Secret | None 
         raise _explain(error, listen) from None
 
 
-def open_client(connect: str, secret: Secret | None) -> Any:
+def open_client(connect: str, secret: Credentials | None) -> Any:
     """Return the session of a client of the router at `connect`. May be called on any thread.
 
     Raises BusError (a bad endpoint), NobodyThereError and NotAdmittedError.
     """
     check_endpoint(connect)
+    _check_keys(connect, secret)
     if problem := host_problem(connect):
         raise NobodyThereError(f"nobody listens at {connect}{problem}")
     began_s = time.monotonic()
@@ -155,14 +168,47 @@ def open_client(connect: str, secret: Secret | None) -> Any:
     except zenoh.ZError as error:
         explained = _explain(error, connect)
         in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else the router is overloaded or stopped
-        if isinstance(explained, NobodyThereError) and in_time:
+        if isinstance(explained, NobodyThereError) and (in_time or is_tls(connect)):
             refusal = admission.refusal(connect, secret)
             explained = explained if refusal is None else NotAdmittedError(refusal)
         raise explained from None
-    if secret is not None and not any(secret.is_known_to(str(router)) for router in session.info.routers_zid()):
+    if isinstance(secret, Certificate) and not _echoes(session, connect, secret):
+        session.close()
+        raise NotAdmittedError(
+            f"{connect} lets {secret.holder} in, but carries nothing of it: its certificate is revoked there; "
+            "issue it anew with rmr keys issue"
+        )
+    if isinstance(secret, Secret) and not any(secret.is_known_to(str(router)) for router in session.info.routers_zid()):
         session.close()
         raise NotAdmittedError(admission.impostor(connect, secret))
     return session
+
+
+def _check_keys(endpoint: str, credentials: Credentials | None) -> None:
+    """Raise BusError unless the endpoint is one of TLS exactly where this process has keys."""
+    if is_tls(endpoint) != isinstance(credentials, Certificate):
+        needs = "needs keys, and this process has none" if is_tls(endpoint) else "is not for a process with keys"
+        raise BusError(f"{endpoint} {needs}: name an endpoint tls/HOST:PORT and --keys DIR, or neither")
+
+
+def _echoes(session: Any, connect: str, certificate: Certificate) -> bool:
+    """Return whether the router at `connect` carries what `session` says to another session of the same process.
+
+    A router that lets it do nothing does not say so. Takes `ECHO_S` at most.
+    """
+    try:
+        other = _open(_client_settings(connect, certificate))
+    except zenoh.ZError:
+        return True  # the router has gone meanwhile: nothing is known, and the session sees that, too
+    heard = threading.Event()
+    key = f"rmr-echo/{secrets.token_hex(8)}"
+    listening = other.declare_subscriber(key, Callback(lambda _: heard.set(), indirect=False))
+    end_s = time.monotonic() + ECHO_S
+    while not heard.wait(ECHO_PAUSE_S) and time.monotonic() < end_s:
+        session.put(key, b"")  # again: the router may have heard of the subscriber since
+    listening.undeclare()
+    other.close()
+    return heard.is_set()
 
 
 class Router:
@@ -172,7 +218,7 @@ class Router:
     own; here is only who is connected. The methods may be called on any thread.
     """
 
-    def __init__(self, listen: str, connect: Sequence[str], secret: Secret | None) -> None:
+    def __init__(self, listen: str, connect: Sequence[str], secret: Credentials | None) -> None:
         """Open it. Raises BusError as `open_router`."""
         self._session: Any = open_router(listen, connect, secret)
         self.id = str(self._session.info.zid())
@@ -180,6 +226,10 @@ class Router:
     def connected(self) -> dict[str, bool]:
         """Return the ids of all that are connected, and whether each is a router."""
         return {str(each.zid): each.whatami == zenoh.WhatAmI.ROUTER for each in self._session.info.transports()}
+
+    def holders(self) -> set[str]:
+        """Return the subjects of the certificates of all that are connected; none on a bus without keys."""
+        return {each.auth_identifier for each in self._session.info.links() if each.auth_identifier}
 
     def close(self) -> None:
         """End it; whoever is connected loses it at once."""

@@ -2,7 +2,8 @@
 
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
-from rmr.bus.endpoint import BusError
+from rmr.bus.certificates import Credentials
+from rmr.bus.endpoint import BusError, is_tls
 from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.middleware import NotAdmittedError
 from rmr.bus.session import open_bus
@@ -14,13 +15,15 @@ ANY_ADDRESS = "0.0.0.0", "[::]"
 """Wildcard hosts: valid for listening, not for connecting."""
 
 
-async def who_listens(endpoint: str) -> str:
-    """Return who listens at `endpoint`, and what to do."""
+async def who_listens(endpoint: str, credentials: Credentials | None = None) -> str:
+    """Return who listens at `endpoint`, as far as a process with these `credentials` is told, and what to do."""
     for host in ANY_ADDRESS:
         endpoint = endpoint.replace(f"/{host}:", "/127.0.0.1:")
     try:
-        bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
-    except NotAdmittedError:
+        bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=credentials if is_tls(endpoint) else None)
+    except NotAdmittedError as error:
+        if is_tls(endpoint):
+            return f"{error}; choose another --listen"
         return "a world or router with a secret runs there; end it, or choose another --listen"
     except BusError:
         return why_no_session(endpoint).removeprefix(": ") or "another program listens there; choose another --listen"

@@ -27,6 +27,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rmr.bus import wire
+from rmr.bus.certificates import Certificate, Credentials
 from rmr.bus.checks import MalformedError
 from rmr.bus.endpoint import BusError
 from rmr.bus.line import Handler, Line, Listener
@@ -40,7 +41,6 @@ from rmr.bus.middleware import (
     open_client,
     open_router,
 )
-from rmr.bus.secret import Secret
 
 EAGER_TRIES = 50
 """Attempts with the first pause before it doubles: processes that start together connect without delay."""
@@ -62,13 +62,14 @@ REFUSALS_REPORTED = 2
 
 
 def open_bus(
-    sender: int, *, listen: str | None = None, connect: str | None = None, secret: Secret | None = None
+    sender: int, *, listen: str | None = None, connect: str | None = None, secret: Credentials | None = None
 ) -> "Bus":
     """Open the process's session: a router at `listen`, or else a client of the router at `connect`.
 
     `sender` is written into every message. With a `secret` a router lets in only clients that know it, and a client
-    uses only a router that does. Must run on the event loop. Raises BusError (a bad endpoint, an address in use),
-    `NobodyThereError` when no router answers at `connect` and `NotAdmittedError` when it does not let this client in.
+    uses only a router that does; with a certificate in its place, those that have one of the same CA. Must run on the
+    event loop. Raises BusError (a bad endpoint, an address in use), `NobodyThereError` when no router answers at
+    `connect` and `NotAdmittedError` when it does not let this client in.
     """
     if listen is not None:
         return Bus(Line(open_router(listen, (), secret)), sender, is_client=False)
@@ -77,7 +78,7 @@ def open_bus(
 
 
 async def open_when_there(
-    sender: int, connect: str, waiting: Callable[[], None], secret: Secret | None = None
+    sender: int, connect: str, waiting: Callable[[], None], secret: Credentials | None = None
 ) -> "Bus":
     """Open a client's session as soon as a router answers; `waiting` is called after each failed attempt.
 
@@ -105,20 +106,24 @@ async def open_when_there(
             pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
 
 
-async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refused: Callable[[str], None]) -> None:
+async def watch_admission(bus: "Bus", connect: str, secret: Credentials | None, refused: Callable[[str], None]) -> None:
     """Call `refused` with the reason, once, whenever a router that has come back does not let this client in again.
 
     zenoh reconnects by itself, but does not report a refusal: the world may have been restarted with another
     secret. Ends only when it is cancelled.
     """
     refusals = 0
+    admitted_by = bus.router
     while True:
         await asyncio.sleep(REFUSED_PATIENCE_S)
-        if bus.connected:
+        router = bus.router
+        # One that came back may let a revoked certificate in, and deny it everything.
+        if bus.connected and (router == admitted_by or not isinstance(secret, Certificate)):
             refusals = 0
             continue
         try:
             (await asyncio.to_thread(open_client, connect, secret)).close()
+            admitted_by = router
         except NotAdmittedError as error:
             refusals += 1
             if refusals == REFUSALS_REPORTED:

@@ -148,6 +148,8 @@ class Lab:
     """The file with the user's own events, for the simulator."""
     key_file: Path | None = None
     """The file with the radio's key. It is no part of `radio`, whose settings are public on the bus."""
+    mtls: bool = False
+    """Whether the processes of its bus are those with keys alone."""
     map_unknown_free: int = field(default=0, compare=False)
     """How many cells of the map are free by its own threshold although they have the grey that means unknown."""
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)

@@ -52,6 +52,12 @@ def _declare(parser: "Parser") -> None:
         metavar="FILE",
         help="admit only processes that know the secret in FILE, which is made if it does not exist (default: all)",
     )
+    parser.option(
+        "--keys",
+        read=Path,
+        metavar="DIR",
+        help="the folder with the keys of the world, for an endpoint tls/HOST:PORT (default: that in RMR_KEYS)",
+    )
     parser.flag("--open", help="admit everybody who reaches --listen, on other machines, too, without a secret")
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
     parser.option(
@@ -68,11 +74,16 @@ def _serve(**options: Any) -> int:
     """Serve the world until its end; return the exit code."""
     from argparse import Namespace
 
+    from rmr.bus.certificates import credentials_path, default_endpoint
     from rmr.bus.listening import check_open
     from rmr.entry.command_line import CommandLineError
 
     if options["listen"] is not None and options["connect"] is not None:
         raise CommandLineError("--connect is not allowed with --listen: name one of them")
+    ends = options["listen"], options["connect"]
+    options["secret"] = credentials_path(options["secret"], options.pop("keys"), ends)
+    if ends == (None, None):
+        options["listen"] = default_endpoint(options["secret"])
     check_open(options["listen"], secret=options["secret"] is not None, opened=options["open"])
     try:
         with Loading("rmr_world.world_process"):

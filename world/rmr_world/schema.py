@@ -322,6 +322,14 @@ class RadioSpec(_RadioModel, _Strict):  # type: ignore[valid-type, misc]
         return self
 
 
+class BusSpec(_Strict):
+    """The bus between the processes of `rmr up`, or of a lab that is started by hand."""
+
+    security: Annotated[Literal["secret", "mtls"], Field(description="mtls: processes without keys are refused.")] = (
+        "secret"
+    )
+
+
 class LocalisationSpec(_Strict):
     """The ultrasonic localisation service."""
 
@@ -443,6 +451,7 @@ class LabFile(_Strict):
     facts: list[str] = []
     robot: ShapeSpec = ShapeSpec()
     radio: RadioSpec = RadioSpec()
+    bus: BusSpec = BusSpec()
     localisation: LocalisationSpec = LocalisationSpec()
     faults: list[FaultSpec] = []
     loads: list[LoadSpec] = []

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
+from rmr.bus.certificates import CertificateError, Credentials, check_keys, secret_file
+from rmr.bus.endpoint import BusError
 from rmr.bus.keys import Keys
 from rmr.bus.listening import SAY_AGAIN_S, Refused, secret_of_listener, warn_if_open
 from rmr.bus.middleware import InUseError
@@ -73,16 +74,16 @@ def _check_program(lab: Lab, path: Path) -> None:
         raise InvalidError(str(error)) from None
 
 
-async def _open(options: argparse.Namespace, secret: Secret | None, ending: Ending) -> Bus | None:
+async def _open(options: argparse.Namespace, secret: Credentials | None, ending: Ending) -> Bus | None:
     """Return the session; None when the end was asked for while waiting for the router."""
     if options.connect is None:
-        endpoint = options.listen or DEFAULT_ENDPOINT
-        if secret is not None:
+        endpoint = options.listen
+        if isinstance(secret, Secret):
             refusals.watch(Refused())
         try:
             return open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
         except InUseError as error:
-            raise BusError(f"{error}: {await who_listens(endpoint)}") from None
+            raise BusError(f"{error}: {await who_listens(endpoint, secret)}") from None
     router = options.connect
     say = Throttle(
         lambda: log.info("waiting for the router at %s%s", router, why_no_session(router)),
@@ -93,16 +94,14 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
 
 
 async def _live(
-    options: argparse.Namespace, lab: Lab, secret: Secret | None, folder: WorldFolder | None, ending: Ending
+    options: argparse.Namespace, lab: Lab, secret: Credentials | None, folder: WorldFolder | None, ending: Ending
 ) -> None:
     handle_signals(ending)
     hold_lifeline()
     bus = await _open(options, secret, ending)
     if bus is None:
         return
-    log.info(
-        "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
-    )
+    log.info("lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen)
     warn_if_open(options.listen, opened=options.open)
     attach = partial(attach_lab, floor=lab.arena, lab=lab.path, program=options.program or lab.program)
     recorder = None if options.record is None else ProcessRecorder(options.record, "world", attach)
@@ -131,15 +130,16 @@ def perform(options: argparse.Namespace) -> int:
         print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
     is_made = options.connect is None and options.secret is not None and not options.secret.exists()
-    secret_file = None if is_made else options.secret
-    if missing := unreadable((lab_path(options.config), options.program, secret_file)):
+    given = None if is_made else secret_file(options.secret)
+    if missing := unreadable((lab_path(options.config), options.program, given)):
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
         lab = _load(options)
         secret = secret_of_listener(options.secret, makes=options.connect is None)
+        check_keys(secret, "world", of=lab.name if lab.mtls else None)
         folder = None if options.state is None else WorldFolder(options.state, map_of(lab, lab.seed))
-    except (LabError, InvalidError, SecretError, WorldStateError) as error:
+    except (LabError, InvalidError, SecretError, CertificateError, WorldStateError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
     except OSError as error:

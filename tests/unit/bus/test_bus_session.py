@@ -15,7 +15,7 @@ from rmr.bus import endpoint as endpoint_module
 from rmr.bus import middleware, wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem
-from rmr.bus.middleware import POOLS_VARIABLE, NobodyThereError
+from rmr.bus.middleware import POOLS_VARIABLE, NobodyThereError, open_client, open_router
 from rmr.bus.occupant import who_listens
 from rmr.bus.secret import make_secret, read_secret
 from rmr.bus.session import open_bus, open_when_there
@@ -271,10 +271,16 @@ def test_anything_else_is_no_endpoint_and_the_message_shows_one(endpoint):
         check_endpoint(endpoint)
 
 
-@pytest.mark.parametrize("endpoint", ["tls/127.0.0.1:7447", "quic/host:1"])
-def test_an_endpoint_that_needs_keys_is_refused_in_one_sentence(endpoint):
-    with pytest.raises(BusError, match=r"needs keys, which rmr cannot be given yet; write tcp, udp or ws"):
-        check_endpoint(endpoint)
+def test_a_protocol_that_rmr_does_not_use_is_refused_in_one_sentence():
+    with pytest.raises(BusError, match=r"does not use quic; write tls for an endpoint with keys, or tcp, udp or ws"):
+        check_endpoint("quic/host:1")
+
+
+def test_an_endpoint_of_tls_without_keys_is_refused_in_one_sentence():
+    endpoint = check_endpoint("tls/127.0.0.1:7447")
+    for opened in (lambda: open_router(endpoint), lambda: open_client(endpoint, None)):
+        with pytest.raises(BusError, match=f"{endpoint} needs keys, and this process has none"):
+            opened()
 
 
 def test_unknown_host_is_reported():

@@ -5,13 +5,22 @@ import stat
 import tarfile
 from datetime import UTC, datetime, timedelta
 from io import BytesIO
+from pathlib import Path
 
 import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from rmr.bus.authority import EARLIER, Authority, check_host, holder, write_bundle
-from rmr.bus.certificates import CertificateError, Holder, read_certificate
+from rmr.bus.certificates import (
+    CertificateError,
+    Holder,
+    check_keys,
+    credentials_path,
+    default_endpoint,
+    read_certificate,
+)
+from rmr.entry.command_line import CommandLineError
 
 ROBOT = holder("robot", "4")
 WORLD = holder("world")
@@ -337,3 +346,90 @@ def test_the_index_holds_every_certificate_by_its_serial_number(ca, bundled):
     kept = json.loads((ca.folder / "index.json").read_text())["issued"]
     assert [one["who"] for one in kept] == ["robot/4", "world"]
     assert [int(one["serial"], 16) for one in kept] == [certificate_in(folder).serial_number for folder in folders]
+
+
+# --- what the start of a process asks for
+
+
+def test_a_router_denies_everything_to_those_on_its_list_and_nothing_without_one(ca, bundled):
+    settings = read_certificate(bundled(WORLD)).router_settings()
+    assert settings["transport/link/protocols"] == ["tls"]
+    assert not any(key.startswith("access_control") for key in settings)
+    ca.issue(ROBOT)
+    ca.revoke(ROBOT)
+    settings = read_certificate(bundled(WORLD)).router_settings()
+    assert settings["access_control/enabled"] is True
+    assert settings["access_control/subjects"] == [{"id": "revoked", "cert_common_names": ["robot/4"]}]
+    (rule,) = settings["access_control/rules"]
+    assert (rule["permission"], rule["key_exprs"], rule["flows"]) == ("deny", ["**"], ["ingress", "egress"])
+
+
+def test_settings_name_files_of_the_folder_and_hold_no_key(bundled):
+    folder = bundled(WORLD)
+    settings = read_certificate(folder).router_settings()
+    files = {value for value in settings.values() if str(value).startswith(str(folder))}
+    assert files == {str(folder / name) for name in ("ca.pem", "cert.pem", "key.pem")}
+    assert "PRIVATE" not in str(settings)
+
+
+def test_keys_are_those_of_the_role_and_the_robots_that_a_program_needs(bundled):
+    several, world = read_certificate(bundled(holder("robot", "1-3"))), read_certificate(bundled(WORLD))
+    several.check_role("robot", robots=(2, 3))
+    with pytest.raises(CertificateError, match=r"the keys of robot/1-3, where those of robot/3-4 are needed"):
+        several.check_role("robot", robots=(3, 4))
+    with pytest.raises(CertificateError, match="the keys of world, where those of operator or viewer are needed"):
+        world.check_role("operator", "viewer")
+    check_keys(world, "world", of="hall")
+    check_keys(None, "world")
+    with pytest.raises(CertificateError, match="lab hall has `security: mtls`: name the folder with the keys"):
+        check_keys(None, "world", of="hall")
+
+
+TLS, TCP = "tls/127.0.0.1:1", "tcp/127.0.0.1:1"
+
+
+def test_a_secret_or_keys_are_taken_and_keys_of_the_environment_where_nothing_else_is_named(tmp_path, monkeypatch):
+    file, folder = tmp_path / "secret", tmp_path / "keys"
+    folder.mkdir()
+    monkeypatch.delenv("RMR_KEYS", raising=False)
+    assert credentials_path(None, None, [None]) is None
+    assert credentials_path(file, None, [TCP]) == file
+    assert credentials_path(None, folder, [TLS, None]) == folder
+    monkeypatch.setenv("RMR_KEYS", str(folder))
+    assert credentials_path(None, None, [None, None]) == credentials_path(None, None, [TLS]) == folder
+    assert credentials_path(None, None, [TCP]) is None
+    assert credentials_path(file, None, [None]) == file
+    assert (default_endpoint(folder), default_endpoint(file)) == ("tls/127.0.0.1:17447", "tcp/127.0.0.1:17447")
+
+
+@pytest.mark.parametrize(
+    ("secret", "keys", "endpoint", "says"),
+    [
+        ("s", "k", None, "--keys goes without --secret"),
+        (None, None, TLS, "tls/127.0.0.1:1 needs keys: name their folder with --keys DIR"),
+        ("s", None, TLS, "tls/127.0.0.1:1 needs keys: name their folder with --keys DIR"),
+        (None, "k", TCP, "--keys goes with an endpoint tls/HOST:PORT, not with tcp/127.0.0.1:1"),
+        (None, "nowhere", TLS, "--keys: there is no folder nowhere; rmr keys bundle writes it"),
+        ("k", None, None, "--secret: k: Is a directory; a folder of keys is named with --keys"),
+    ],
+)
+def test_words_that_do_not_go_together_are_told(tmp_path, monkeypatch, secret, keys, endpoint, says):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RMR_KEYS", raising=False)
+    (tmp_path / "k").mkdir()
+    named = [None if each is None else Path(each) for each in (secret, keys)]
+    with pytest.raises(CommandLineError) as error:
+        credentials_path(*named, [endpoint])
+    assert says in str(error.value)
+
+
+def test_of_several_holders_a_process_is_given_the_keys_of_the_fewest_robots(ca):
+    for name in ("1-6", "2-3", "2"):
+        ca.issue(holder("robot", name))
+    assert [ca.good("robot", ids).name for ids in ((2,), (2, 3), (1, 2))] == ["2", "2-3", "1-6"]
+    with pytest.raises(CertificateError, match=r"no robot 7-8 has a certificate; issue one with .* --robot 7-8"):
+        ca.good("robot", (7, 8))
+    with pytest.raises(CertificateError, match=r"no world has a certificate; issue one with .* --world$"):
+        ca.good("world")
+    with pytest.raises(CertificateError, match=r"no operator has a certificate; issue one with .* --operator NAME"):
+        ca.good("operator")

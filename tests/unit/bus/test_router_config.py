@@ -8,7 +8,9 @@ import zenoh
 from bus_star import free_endpoint, until_heard
 from command_runner import invoke
 
-from rmr.bus.middleware import open_router
+from rmr.bus.authority import Authority, holder, write_bundle
+from rmr.bus.certificates import read_certificate
+from rmr.bus.middleware import NotAdmittedError, open_router
 from rmr.bus.secret import make_secret, read_secret
 from rmr.bus.session import open_bus
 from rmr_deploy.router import command
@@ -62,6 +64,41 @@ def test_a_zenoh_router_with_the_configuration_joins_ours_and_lets_in_who_knows_
                 opened.close()
 
     asyncio.run(play())
+
+
+@pytest.mark.real
+def test_a_zenoh_router_with_the_configuration_of_keys_joins_ours_and_lets_a_revoked_robot_do_nothing(tmp_path):
+    ca = Authority.begin(tmp_path / "ca")
+    ca.issue(holder("robot", "3"))
+    write_bundle(ca.bundle(holder("robot", "3")), tmp_path / "3")
+    ca.revoke(holder("robot", "3"))
+    for who in (holder("router", "b"), holder("robot", "1"), holder("robot", "2")):
+        ca.issue(who)
+        write_bundle(ca.bundle(who), tmp_path / who.name)
+    router, *robots = (read_certificate(tmp_path / name) for name in "b123")
+
+    async def play():
+        first, second = (free_endpoint().replace("tcp/", "tls/") for _ in range(2))
+        words = ("--listen", second, "--connect", first, "--keys", tmp_path / "b")
+        code, printed, _ = config("corridor", "--host", "b", *words)
+        assert (code, config("corridor", "--host", "b", *words)[1]) == (0, printed)
+        (tmp_path / "router-b.json5").write_text(printed)
+        ours = open_router(first, (), router)
+        theirs = zenoh.open(zenoh.Config.from_file(tmp_path / "router-b.json5"))
+        one = open_bus(1, connect=first, secret=robots[0])
+        two = open_bus(2, connect=second, secret=robots[1])
+        try:
+            await until_heard(one, two)
+            with pytest.raises(NotAdmittedError, match="lets robot/3 in, but carries nothing of it"):
+                open_bus(3, connect=second, secret=robots[2])
+        finally:
+            for opened in (one, two, theirs, ours):
+                opened.close()
+
+    asyncio.run(play())
+    assert json.loads(config("corridor", "--host", "b", "--keys", tmp_path / "b")[1])["listen"] == {
+        "endpoints": ["tls/b:17447"]
+    }
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rmr.bus.authority import Authority, holder
+from rmr.bus.certificates import read_certificate
 from rmr.bus.secret import read_secret
 from rmr.entry import ExitCode
 from rmr_deploy import preparation
@@ -84,3 +86,64 @@ def test_run_folder_on_a_file_system_without_permissions_is_refused(tmp_path, mo
         make_plan(RunOptions(lab=DASH, folder=tmp_path / "run"), color=False)
     assert no.value.exit_code == ExitCode.USAGE
     assert not (tmp_path / "run" / "secret").exists()
+
+
+# --- keys
+
+
+@pytest.fixture
+def keyed(tmp_path, monkeypatch):
+    """A lab with security mtls, and the folder of its CA."""
+    monkeypatch.delenv("RMR_KEYS", raising=False)
+    lab = tmp_path / "lab"
+    shutil.copytree(DASH, lab)
+    with (lab / "lab.yaml").open("a") as file:
+        file.write("bus: {security: mtls}\n")
+    ca = Authority.begin(tmp_path / "ca")
+    for role, name in (("world", ""), ("operator", "ann"), ("robot", "1"), ("robot", "2-3")):
+        ca.issue(holder(role, name))
+    return lab, ca
+
+
+def test_each_process_of_a_lab_with_keys_is_handed_its_own_and_none_stay(keyed, tmp_path, monkeypatch):
+    lab, ca = keyed
+    monkeypatch.setenv("RMR_KEYS", str(ca.folder))
+    plan = make_plan(RunOptions(lab=lab, folder=tmp_path / "run", processes=2), color=False)
+    assert plan.process_robots == [(1,), (2, 3)]
+    commands = [world_command(plan, "tls/a:1"), *(agent_command(plan, ids, "tls/a:1") for ids in plan.process_robots)]
+    for command, who in zip(commands, ("world", "robot/1", "robot/2-3"), strict=True):
+        assert "--secret" not in command
+        assert str(read_certificate(Path(command[command.index("--keys") + 1])).holder) == who
+    assert str(read_certificate(plan.secret).holder) == "operator/ann"
+    assert not (plan.folder / "secret").exists()
+    plan.forget_secret()
+    assert sorted(each.name for each in plan.folder.iterdir()) == ["dash.rbc", "lab.json", "logs", "record"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        (None, r"lab dash has `security: mtls`: name the folder of its CA \(rmr keys init\) with --keys"),
+        ("nowhere", r"nowhere: no folder of a CA; make one with rmr keys init"),
+        ("ca", r"no robot 2 has a certificate; issue one with rmr keys issue .* --robot 2"),
+    ],
+)
+def test_a_lab_with_keys_is_refused_without_them_and_leaves_none_behind(keyed, tmp_path, keys, says):
+    lab, ca = keyed
+    ca.revoke(holder("robot", "2-3"))
+    options = RunOptions(lab=lab, folder=tmp_path / "run", keys=None if keys is None else tmp_path / keys)
+    with pytest.raises(RunRefusedError, match=says) as refusal:
+        make_plan(options, color=False)
+    assert refusal.value.exit_code == ExitCode.INVALID
+    assert not (tmp_path / "run" / "keys").exists()
+
+
+def test_keys_for_a_lab_with_a_secret_are_wrong_usage_but_those_of_the_environment_are_left_alone(
+    keyed, tmp_path, monkeypatch
+):
+    _, ca = keyed
+    with pytest.raises(RunRefusedError, match=r"lab dash has no `bus: \{security: mtls\}`") as refusal:
+        make_plan(RunOptions(lab=DASH, folder=tmp_path / "run", keys=ca.folder), color=False)
+    assert refusal.value.exit_code == ExitCode.USAGE
+    monkeypatch.setenv("RMR_KEYS", str(ca.folder))
+    assert "--secret" in world_command(make_plan(RunOptions(lab=DASH, folder=tmp_path / "run"), color=False), "tcp/a:1")

@@ -101,6 +101,7 @@ class LabDraft:
             actions=None if spec.actions is None else folder / spec.actions,
             events=None if spec.events is None else folder / spec.events,
             key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
+            mtls=spec.bus.security == "mtls",
             map_unknown_free=self.map_unknown_free,
             places=self.document.places,
         )
