@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from rmr.base.arena import Arena, FloorPassage
-from rmr.base.geometry import Point, distance
+from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.base.motion_scale import scale_of
 from rmr.node.motion.astar import plan
 from rmr.node.motion.route import DETOUR_M, Route, leader_route, make_route, way_through_m
@@ -79,6 +79,7 @@ def _through(
 ) -> Route | None:
     """Return the shorter route that passes `passage` first, in either direction; None if longer than allowed."""
     found = None
+    back_m = 2.0 * arena.shape.radius
     for way in (0, 1):
         stops = start, passage.mouth(way), passage.mouth(1 - way), goal
         legs = list(pairwise(stops))
@@ -87,12 +88,20 @@ def _through(
         paths = [path for a, b in legs if (path := plan(arena, a, b, parked)) is not None]
         if len(paths) < len(legs) or not _is_free(arena, passage, paths[1].length_m):
             continue
+        # To a goal on this side it would lead there and back.
+        if _nears(paths[0].points, stops[2], back_m) or _nears(paths[2].points, stops[1], back_m):
+            continue
         points = [start, *(point for path in paths for point in path.points[1:])]
         route = make_route(arena, points, through_gate=True, behind=behind)
         if route.passage == passage.name and route.length_m <= longest_m:
             found = route
             longest_m = route.length_m
     return found
+
+
+def _nears(points: Sequence[Point], place: Point, reach_m: float) -> bool:
+    """Return whether the way along `points` comes nearer than `reach_m` to `place`."""
+    return any(point_segment_distance(*place, *a, *b) < reach_m for a, b in pairwise(points))
 
 
 def _is_free(arena: Arena, passage: FloorPassage, length_m: float) -> bool:

@@ -35,7 +35,8 @@ def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequenc
     if order.shared is None or own is None or own.gate_m is None:
         return own  # a way that passes nothing is not shared
     route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
-    return route if route is None or order.via in (None, route.passage) else own
+    serves = route is None or (order.via in (None, route.passage) and route.passage == own.passage)
+    return route if serves else own
 
 
 def is_barred(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> bool:

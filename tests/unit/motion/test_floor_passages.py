@@ -55,6 +55,12 @@ def test_a_passage_behind_the_robot_has_no_gate():
     assert (route.passage, route.gate_m) == (None, None)
 
 
+def test_a_robot_with_a_turn_at_one_passage_whose_goal_is_on_this_side_now_does_not_drive_through_and_back():
+    route = gated_route(ROW, Point(1.9, 0.75), WEST, (), via="two")
+    assert route is not None
+    assert (route.passage, route.length_m) == ("one", pytest.approx(1.6, abs=0.05))
+
+
 def test_a_turn_opens_the_gate_of_its_passage_only():
     route = leader_route(ROW, WEST, EAST, (), through_gate=True)
     assert route is not None
