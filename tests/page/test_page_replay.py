@@ -157,8 +157,13 @@ def test_keys_play_seek_choose_and_help(page):
     box = page.page.locator("dialog").bounding_box()
     assert box["y"] >= 0
     assert box["y"] + box["height"] <= 800, "all of it is in sight, or scrolls"
+    page.ask(
+        """() => new MutationObserver(() => (window.focusAtClose = document.activeElement.tagName)).observe(
+            document.querySelector("dialog"), {attributeFilter: ["open"]})"""
+    )
     page.press("Escape")
     until(lambda: not page.page.locator("dialog").is_visible(), "the help is closed")
+    assert page.ask("() => window.focusAtClose") == "BODY", "the next space is not for a button that is hidden"
     page.press("e")
     until(lambda: page.state("layers")["estimates"], "estimates")
     page.press("Home", " ")

@@ -108,7 +108,11 @@ export function Help() {
   const dialog = useRef(null);
   useEffect(() => {
     if (help && !dialog.current.open) dialog.current.showModal();
-    if (!help && dialog.current.open) dialog.current.close();
+    if (!help && dialog.current.open) {
+      dialog.current.close();
+      // Chromium takes the focus from a hidden button only when it draws next: a key before that would press it.
+      if (dialog.current.contains(document.activeElement)) document.activeElement.blur();
+    }
   });
   return html`<dialog class="help" ref=${dialog} aria-label="Keys" onClose=${() => set({ help: false })} onClick=${(event) => event.target === dialog.current && set({ help: false })}>
     <header><h2>Keys</h2><button class="icon" aria-label="Close" onClick=${() => set({ help: false })}>×</button></header>
