@@ -69,6 +69,7 @@ REAL_MODULES = frozenset(
         "unit/deploy/test_process_group.py",
         "unit/deploy/test_restarts.py",
         "unit/docs/test_docs_pictures.py",
+        "unit/editor/test_lsp.py",
         "unit/lab/test_lab_check.py",
         "unit/lab/test_lab_new.py",
         "unit/lang/test_lang_functions.py",

@@ -35,6 +35,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "new": ("rmr_lab.main:new_main", "Write a lab of your own that runs at once."),
     "lab": ("rmr_lab.main:main", "Check, draw, list and copy labs; the schema of the lab file."),
     "view": ("rmr_view.view:main", "Show a run in the browser, while it goes on or afterwards."),
+    "lsp": ("rmr_editor.main:main", "Serve an editor: diagnostics, hover, rename and so on."),
     "plot": ("rmr_view.plot:main", "Draw pictures of a run, or figures of experiments."),
     "agent": ("rmr_agent.main:main", "Run one robot."),
     "keys": ("rmr_deploy.keys_program:main", "Issue the keys by which processes of a lab know each other."),

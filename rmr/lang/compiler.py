@@ -13,9 +13,9 @@ from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.lower.emitter import Emitter
 from rmr.lang.lower.goal_paths import with_leads
 from rmr.lang.lower.servers import with_serving
-from rmr.lang.read.include import Loader
+from rmr.lang.read.include import NOTHING_UNSAVED, Loader, Unsaved
 from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
-from rmr.lang.read.syntax import FactItem, FactNode, GoalItem
+from rmr.lang.read.syntax import FactItem, FactNode, GoalItem, ModuleNode
 
 UNCERTAIN = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that declarations in an unread file might disprove; they are dropped then, as all warnings are."""
@@ -36,6 +36,10 @@ class Compilation:
     """The included files."""
     checked: Checked | None = None
     """The analysed form of the program; None if there are errors."""
+    known: Checked | None = None
+    """The analysed form as far as errors allow; None for a file that cannot be read."""
+    module: ModuleNode | None = None
+    """The items as they were read, before any analysis; None for a file that cannot be read."""
 
     @property
     def sources(self) -> dict[str, SourceText]:
@@ -68,10 +72,16 @@ def compile_source(text: str, file: str = "<string>") -> Compilation:
     return compile_text(SourceText(file, text))
 
 
-def compile_text(source: SourceText, given: Given = NOTHING_GIVEN, *, closed: bool = False) -> Compilation:
-    """Compile a source; `given` and `closed` as in `compile_file`."""
+def compile_text(
+    source: SourceText,
+    given: Given = NOTHING_GIVEN,
+    *,
+    closed: bool = False,
+    unsaved: Unsaved = NOTHING_UNSAVED,
+) -> Compilation:
+    """Compile a source; `given` and `closed` as in `compile_file`. Texts in `unsaved` stand for included files."""
     found = Diagnostics()
-    loader = Loader(found)
+    loader = Loader(found, unsaved)
     module = loader.module(source)
     if not module.items and not found.failed:
         found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))
@@ -84,9 +94,12 @@ def compile_text(source: SourceText, given: Given = NOTHING_GIVEN, *, closed: bo
     if loader.incomplete:
         diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in UNCERTAIN]
     _, *included = loader.sources.values()
-    if found.failed or program is None:
-        return Compilation(source, None, diagnostics, included=tuple(included))
-    return Compilation(source, program, diagnostics, included=tuple(included), checked=checked)
+    without_errors = None if found.failed else checked
+    if without_errors is None:
+        program = None
+    return Compilation(
+        source, program, diagnostics, False, tuple(included), without_errors, known=checked, module=module
+    )
 
 
 def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:

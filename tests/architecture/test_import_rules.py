@@ -107,6 +107,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.why",
         "rmr_world",
     },
+    "rmr_editor": {"rmr.entry", "rmr.lang"},
     "rmr_view": {
         "rmr.base",
         "rmr.bus",
@@ -141,6 +142,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
+    "rmr_editor": {"lsprotocol", "pygls"},
     "rmr_view": {"pydantic", "matplotlib", "PIL", "starlette", "uvicorn", "websockets"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""

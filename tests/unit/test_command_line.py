@@ -21,6 +21,7 @@ from rmr_deploy.load import command as load
 from rmr_deploy.router import command as router
 from rmr_deploy.up import command as up
 from rmr_deploy.why_program import why_command
+from rmr_editor.main import command as lsp
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import command as sim
@@ -42,6 +43,7 @@ PROGRAMS = {
     "rmr load": load(),
     "rmr router": router(),
     "rmr lab": lab,
+    "rmr lsp": lsp,
     "rmr new": new,
     "rmr plot": plot(),
     "rmr view": view(),

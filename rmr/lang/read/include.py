@@ -7,8 +7,10 @@ no effect. A cycle of includes is an error that lists its steps. A file that can
 
 import os
 import stat
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from rmr.lang.analyse.names import meant
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
@@ -26,11 +28,18 @@ CHARACTERS_MAX = 4 * SOURCE_OCTETS_MAX
 """Characters of all files of one program together."""
 
 
+Unsaved = Mapping[Path, str]
+"""Texts of files that an editor holds, by the resolved paths of the files: what is on disk is older."""
+
+NOTHING_UNSAVED: Unsaved = MappingProxyType({})
+
+
 @dataclass(slots=True)
 class Loader:
     """Reads a program's files and puts them together."""
 
     found: Diagnostics
+    unsaved: Unsaved = field(default_factory=lambda: NOTHING_UNSAVED)
     sources: dict[str, SourceText] = field(default_factory=dict)
     """Texts by the file names that diagnostics use, in reading order."""
     incomplete: bool = False
@@ -47,7 +56,7 @@ class Loader:
 
     def module(self, source: SourceText) -> ModuleNode:
         """Return the items of `source` and of all that it includes."""
-        items = self._items(source, _identity(source.file), None)
+        items = self._items(source, identity_of(source.file), None)
         return ModuleNode(tuple(items), frozenset(self._broken))
 
     def _items(self, source: SourceText, identity: Path, by: IncludeItem | None) -> list[Item]:
@@ -67,7 +76,7 @@ class Loader:
 
     def _included(self, item: IncludeItem, source: SourceText) -> list[Item]:
         name = _name(item.path, source.file)
-        identity = _identity(name)
+        identity = identity_of(name)
         if identity in self._open:
             self._report_circle(item, identity)
         elif identity not in self._read and self._has_room(item):
@@ -95,6 +104,9 @@ class Loader:
         return False
 
     def _source(self, item: IncludeItem, name: str) -> SourceText | None:
+        text = self.unsaved.get(identity_of(name))
+        if text is not None:
+            return SourceText(name, text)
         try:
             if _is_endless(name):
                 raise SourceError("this is a pipe or a device, no file")
@@ -120,10 +132,10 @@ def _name(path: str, includer: str) -> str:
     """Return the name of an included file: relative to the includer's name, and normalised if that is the same file."""
     joined = os.path.join(os.path.dirname(includer), path)
     short = os.path.normpath(joined)
-    return short if _identity(short) == _identity(joined) else joined
+    return short if identity_of(short) == identity_of(joined) else joined
 
 
-def _identity(name: str) -> Path:
+def identity_of(name: str) -> Path:
     """Return the resolved path of a file; the path itself if it cannot be resolved."""
     try:
         return Path(name).resolve()

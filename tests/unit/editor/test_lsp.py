@@ -1,0 +1,224 @@
+"""`rmr lsp` as an editor meets it: a client that speaks the protocol over the pipes of a process."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import pytest
+from lsp_client import LspClient, LspError, span
+
+from rmr.lang.compiler import compile_file
+from rmr.lang.diagnostics.render import to_json
+
+pytestmark = pytest.mark.medium
+FACE = "\U0001f600"
+URI = "untitled:a.rmr"
+
+
+@pytest.fixture
+def editor():
+    with LspClient("--stdio") as client:
+        yield client.initialize()
+
+
+def codes(diagnostics):
+    return [each["code"] for each in diagnostics]
+
+
+# ---- diagnostics
+
+
+def test_every_error_and_warning_comes_at_once_with_its_place_its_page_and_its_hint(editor, tmp_path):
+    path = tmp_path / "a.rmr"
+    text = f"type p(robot, int).\n/* {FACE} */ p(R, one), q(R) -> r(R).\np(R).\nlocation(R, L), L = S -o 1.\n"
+    path.write_text(text)
+    editor.open(path.as_uri(), text)
+    found = editor.diagnostics(path.as_uri())
+    compilation = compile_file(path)
+    expected = to_json(compilation.diagnostics, compilation.sources)
+    assert codes(found) == [each["code"] for each in expected]
+    assert {"E001", "E011", "W102"} <= set(codes(found))
+    for each, own in zip(found, expected, strict=True):
+        wide = 1 if own["line"] == 2 else 0  # a face takes two units of UTF-16
+        assert span(each) == (
+            (own["line"] - 1, own["column"] - 1 + wide),
+            (own["end_line"] - 1, own["end_column"] - 1 + wide),
+        )
+        assert each["severity"] == {"error": 1, "warning": 2}[own["severity"]]
+        assert each["message"] == own["message"]
+        related = [note["message"] for note in each.get("relatedInformation", [])]
+        assert own["hint"] is None or related[0] == f"hint: {own['hint']}"
+        page = unquote(urlparse(each["codeDescription"]["href"]).path)
+        assert Path(page).read_text().startswith(f"# {each['code']}")
+    notes = [note["message"] for each in found for note in each.get("relatedInformation", [])]
+    assert "declared here" in notes
+
+
+@pytest.mark.parametrize(("offered", "chosen", "units"), [("utf-8", "utf-8", 4), ("utf-32", "utf-32", 1)])
+def test_positions_are_in_the_encoding_that_was_agreed_on(offered, chosen, units):
+    with LspClient() as client:
+        client.initialize(general={"positionEncodings": [offered, "utf-16"]})
+        assert client.capabilities["positionEncoding"] == chosen
+        client.open(URI, f"p(R). /* {FACE} */ p(R) -> 1.\n")
+        [found] = client.diagnostics(URI)
+        start = len("p(R). /* ") + units + len(" */ p(R) ")
+        assert span(found) == ((0, start), (0, start + 2))
+
+
+def test_an_editor_without_an_encoding_gets_utf_16_and_one_without_notes_the_hint_in_the_message():
+    with LspClient() as client:
+        client.initialize(general={}, textDocument={})
+        assert client.capabilities["positionEncoding"] == "utf-16"
+        client.open(URI, "p(R). p(R) -> 1.\n")
+        [found] = client.diagnostics(URI)
+        assert found["message"] == "unexpected `->`\nhint: a rule is written `body -o head.`"
+        assert "relatedInformation" not in found
+
+
+def test_edits_of_parts_and_of_the_whole_text_lead_to_the_text_that_the_editor_has(editor):
+    editor.open(URI, f"p(R). // {FACE}\np(R) -o 1.\n")
+    assert editor.diagnostics(URI, 1) == []
+    behind_the_face = ((0, 11), (0, 11), "x")
+    without_an_end = ((1, 0), (1, 4), f"p(R), /* {FACE} */ q(R, ")
+    editor.change(URI, 2, behind_the_face, without_an_end, ((0, 0), (0, 0), "\n"))
+    [found] = editor.diagnostics(URI, 2)
+    assert (found["code"], found["range"]["start"]["line"]) == ("E001", 2)
+    editor.change(URI, 3, "p(R).\np(R) -o 1.\n")
+    assert editor.diagnostics(URI, 3) == []
+    editor.change(URI, 4, ((0, 4), (7, 99), ""))
+    assert codes(editor.diagnostics(URI, 4)) == ["E001"]
+
+
+def test_edits_that_come_faster_than_compilations_end_with_the_last_one(editor):
+    editor.open(URI, "p(R).\n")
+    for version in range(2, 40):
+        editor.change(URI, version, f"p(R).\np(R) -o 1{'.' * (version % 2)}\n")
+    assert codes(editor.diagnostics(URI, 39)) == []
+
+
+def test_texts_that_are_not_saved_stand_for_included_files(editor, tmp_path):
+    part, main = tmp_path / "part.rmr", tmp_path / "main.rmr"
+    part.write_text("p(R).\n")
+    editor.open(main.as_uri(), 'include "part.rmr".\np(R) -o 1.\n')
+    assert editor.diagnostics(main.as_uri(), 1) == []
+    editor.open(part.as_uri(), "p(R, 1).\n")
+    assert codes(editor.diagnostics(part.as_uri(), 1)) == []
+    assert codes(editor.diagnostics(main.as_uri(), 1)) == ["E011"]
+    editor.notify("textDocument/didClose", textDocument={"uri": part.as_uri()})
+    assert editor.diagnostics(main.as_uri(), 1) == []
+
+
+def test_errors_in_a_file_that_is_not_open_are_shown_and_taken_back(editor, tmp_path):
+    part, main = tmp_path / "part.rmr", tmp_path / "main.rmr"
+    part.write_text("p(R\n")
+    editor.open(main.as_uri(), 'include "part.rmr".\n')
+    assert codes(editor.diagnostics(part.as_uri())) == ["E001"]
+    part.write_text("p(R).\np(R) -o 1.\n")
+    change = {"uri": part.as_uri(), "type": 2}
+    editor.notify("workspace/didChangeWatchedFiles", changes=[change])
+    assert editor.diagnostics(part.as_uri()) == []
+
+
+def test_what_was_said_about_a_closed_text_is_taken_back(editor):
+    editor.open(URI, "p(R")
+    assert codes(editor.diagnostics(URI)) == ["E001"]
+    editor.notify("textDocument/didClose", textDocument={"uri": URI})
+    assert editor.diagnostics(URI) == []
+
+
+def test_the_server_asks_to_be_told_of_changes_on_disk():
+    with LspClient() as client:
+        client.initialize(workspace={"didChangeWatchedFiles": {"dynamicRegistration": True}})
+        asked = client.next()
+        assert asked["method"] == "client/registerCapability"
+        [registration] = asked["params"]["registrations"]
+        assert registration["registerOptions"]["watchers"] == [{"globPattern": "**/*.rmr"}]
+
+
+# ---- beginning and end
+
+
+def test_an_editor_that_says_so_ends_the_server(editor):
+    assert editor.end() == (0, "")
+
+
+def test_an_exit_without_a_shutdown_and_a_closed_pipe_are_no_orderly_end():
+    with LspClient() as client:
+        client.initialize().notify("exit")
+        assert client.process.wait(60) == 1
+    with LspClient() as client:
+        client.initialize().process.stdin.close()
+        assert client.process.wait(60) == 1
+        assert b"Traceback" not in client.process.stderr.read()
+
+
+def test_an_editor_that_dies_in_the_middle_leaves_no_traceback():
+    with LspClient() as client:
+        client.initialize()
+        client.octets(b"Content-Length: 100\r\n\r\n{")
+        client.process.stdin.close()
+        assert client.process.wait(60) == 1
+        said = client.process.stderr.read().decode()
+        assert said.startswith("rmr lsp: the editor has broken off")
+        assert said.count("\n") == 1
+
+
+def test_a_person_who_starts_it_is_told_what_it_is_for():
+    code = "from rmr.cli import main; main()"
+    words = [sys.executable, "-c", code, "lsp"]
+    result = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr == "rmr lsp: an editor starts this command, with pipes as its stdin and stdout\n"
+
+
+def test_without_pygls_it_says_what_to_install():
+    code = "import sys; sys.modules['pygls'] = None; from rmr.cli import main; main()"
+    words = [sys.executable, "-c", code, "lsp"]
+    result = subprocess.run(words, stdin=subprocess.PIPE, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr == "rmr lsp: pygls is not installed; pip install 'rmr[editor]' brings it\n"
+
+
+# ---- broken messages
+
+
+def test_no_broken_message_ends_the_server_or_prints_a_traceback(editor):
+    editor.octets(b"Content-Length: 3\r\n\r\n{a}")
+    assert editor.answer()["error"] == {"code": -32700, "message": "the message is no JSON in UTF-8"}
+    editor.octets(b"Content-Length: 2\r\n\r\n\xff\xfe")
+    assert editor.answer()["error"]["code"] == -32700
+    editor.octets(b"Content-Length: %d\r\n\r\n%b" % (100_000, b"[" * 100_000))
+    assert editor.answer()["error"]["code"] == -32700
+    for value in ([], 3, None, "x", {}, {"jsonrpc": "1.0", "id": 1}):
+        editor.send(value)
+        if value != {"jsonrpc": "1.0", "id": 1}:
+            assert editor.answer()["error"]["code"] == -32600
+    editor.octets(b"Content-Length: none\r\nNonsense\r\n\r\n")
+    with pytest.raises(LspError, match="the parameters of `textDocument/hover` are not those of the protocol"):
+        editor.request("textDocument/hover", textDocument=3)
+    with pytest.raises(LspError, match="Method Not Found: rmr/nothing"):
+        editor.request("rmr/nothing")
+    editor.notify("rmr/nothing")
+    editor.notify("textDocument/didOpen", textDocument=[])
+    editor.change("file:///none.rmr", 1, "p")
+    editor.open(URI, "p(R).\n")
+    editor.change(URI, 2, ((5, 5), (1, 1), "p(R) -o 1.\n"), ((9, 9), (9, 9), "\ud800"))
+    assert editor.diagnostics(URI, 2)
+    logged = [each["params"]["message"] for each in editor.told if each.get("method") == "window/logMessage"]
+    assert "rmr lsp: file:///none.rmr has not been opened" in logged
+    assert not any("\n" in each or "Traceback" in each for each in logged)
+    assert "Traceback" not in json.dumps(editor.told)
+    assert editor.end() == (0, "")
+
+
+def test_requests_before_the_first_and_behind_the_last_one_are_refused():
+    with LspClient() as client:
+        with pytest.raises(LspError, match="the first request is `initialize`"):
+            client.ask("hover", URI, (0, 0))
+        client.open(URI, "p(R).\n")
+        client.initialize()
+        client.request("shutdown")
+        with pytest.raises(LspError, match="the server has been shut down; what is left is `exit`"):
+            client.ask("hover", URI, (0, 0))
