@@ -1,6 +1,6 @@
-"""The language server: requests of an editor, answered by `programs` and `symbols`.
+"""The language server: the messages of an editor, its texts, and what is said about them unasked.
 
-pygls reads and writes the messages; it is imported here alone. What it says of itself goes nowhere: a message that is
+pygls reads and writes the messages. What it says of itself goes nowhere: a message that is
 broken is answered with one sentence, and so is a request that fails by a defect of ours.
 
 After a change the server waits `QUIET_S` for more of them, then compiles in a thread, and publishes what is to be said
@@ -16,6 +16,8 @@ import re
 import stat
 import sys
 import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,8 +33,9 @@ import rmr
 from rmr.entry import ExitCode
 from rmr.lang.compiler import Compilation
 from rmr.lang.diagnostics.diagnostic import CODES, Diagnostic, Severity
-from rmr.lang.read.source_text import Span
-from rmr_editor.programs import Change, CompileJob, Programs
+from rmr.lang.read.source_text import SourceText, Span
+from rmr_editor.programs import Change, CompileJob, Programs, lines_of
+from rmr_editor.symbols import Occurrence, SymbolIndex
 
 QUIET_S = 0.005
 """How long no further change must come before a compilation begins: editors send those of one keystroke together."""
@@ -216,6 +219,20 @@ class Server(LanguageServer):
 
     # ---- places
 
+    async def named(self, uri: str, position: types.Position) -> "list[TextPlace]":
+        """Return the place at a position of a text, once for each program that contains it."""
+        await self.settled()
+        found = []
+        for program, source in self.programs.of(uri):
+            offset = lines_of(source.text, self.programs.encoding).offset(*_pair(position))
+            found.append(TextPlace(self.programs.index(program), source, offset))
+        return found
+
+    def locations(self, found: "Iterable[tuple[TextPlace, Occurrence]]") -> list[types.Location]:
+        """Return where symbols are named, each place once."""
+        every = [self.location(each.span, place.index.program) for place, each in found]
+        return [each for number, each in enumerate(every) if each not in every[:number]]
+
     def location(self, span: Span, program: Compilation) -> types.Location:
         """Return a span as the protocol has it."""
         return types.Location(self.programs.uri(span.file), self.range(span, program))
@@ -224,6 +241,20 @@ class Server(LanguageServer):
         """Return the positions of a span."""
         start, end = self.programs.range(span, program)
         return types.Range(types.Position(*start), types.Position(*end))
+
+
+@dataclass(frozen=True, slots=True)
+class TextPlace:
+    """A place of a text within one program."""
+
+    index: SymbolIndex
+    source: SourceText
+    offset: int
+
+    @property
+    def occurrence(self) -> Occurrence | None:
+        """What is named there."""
+        return self.index.at(self.source.file, self.offset)
 
 
 def page_uri(code: str) -> str:
@@ -244,7 +275,7 @@ def _run(job: CompileJob) -> dict[Path, Compilation]:
 
 
 def made() -> Server:
-    """Return a server."""
+    """Return a server that answers no questions yet."""
     server = Server()
 
     @server.feature(types.INITIALIZE)
@@ -279,7 +310,7 @@ def _is_watching(client: types.ClientCapabilities) -> bool:
 # ---- the process
 
 
-def serve() -> int:
+def serve(server: Server) -> int:
     """Serve the editor at stdin and stdout; return the exit code."""
     logging.getLogger("pygls").addHandler(logging.NullHandler())
     logging.getLogger("pygls").propagate = False
@@ -289,7 +320,6 @@ def serve() -> int:
     # What anything else prints must not get between the messages.
     octets_out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    server = made()
     gc.freeze()
     try:
         asyncio.run(_conversation(server, sys.stdin.buffer, octets_out))

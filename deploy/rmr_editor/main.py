@@ -25,9 +25,10 @@ def _serve(stdio: bool) -> int:  # noqa: ARG001 - there is no other way
     if find_spec("pygls") is None:
         print("rmr lsp: pygls is not installed; pip install 'rmr[editor]' brings it", file=sys.stderr)
         return ExitCode.FAILED
+    from rmr_editor.answers import answering
     from rmr_editor.language_server import serve
 
-    return serve()
+    return serve(answering())
 
 
 command = Command(ABOUT, _declare, _serve)

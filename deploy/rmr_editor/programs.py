@@ -22,6 +22,7 @@ from rmr.lang.compiler import Compilation, compile_text
 from rmr.lang.diagnostics.diagnostic import Diagnostic
 from rmr.lang.read.include import identity_of
 from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceText, Span
+from rmr_editor.symbols import SymbolIndex
 
 UNITS = {"utf-8": ("utf-8", 1), "utf-16": ("utf-16-le", 2), "utf-32": ("utf-32-le", 4)}
 """Position encoding -> Python's codec, and the octets of a unit."""
@@ -139,6 +140,8 @@ class Programs:
     """Files that have changed since their compilation; None: any may have."""
     _taken: int = 0
     """The generation of the compilations."""
+    _indexes: list[SymbolIndex] = field(default_factory=list)
+    """Those of the compilations that have been asked for."""
 
     # ---- texts
 
@@ -215,6 +218,7 @@ class Programs:
         if job.generation != self.generation:
             return False
         self._roots = roots
+        self._indexes = []
         self._changed = set()
         self._taken = job.generation
         return True
@@ -226,6 +230,14 @@ class Programs:
             return []
         sources = [(root, source) for root in self._roots.values() for source in root.sources.values()]
         return [(root, source) for root, source in sources if identity_of(source.file) == buffer.identity]
+
+    def index(self, program: Compilation) -> SymbolIndex:
+        """Return the symbols of one of the programs."""
+        found = next((each for each in self._indexes if each.program is program), None)
+        if found is None:
+            found = SymbolIndex(program)
+            self._indexes.append(found)
+        return found
 
     def diagnostics(self) -> dict[str, list[tuple[Diagnostic, Compilation]]]:
         """Return what is to be said about each file, by URI: all open ones, and others if there is something."""

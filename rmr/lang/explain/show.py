@@ -48,6 +48,11 @@ def show(explanation: Explanation) -> str:
     return "".join(f"{line}\n" for line in _Shown(explanation).lines())
 
 
+def show_assertion(explanation: Explanation, assertion: ExplainedAssertion) -> str:
+    """Return the entry of one of its time assertions as text."""
+    return "".join(f"{line}\n" for line in _Shown(explanation).assertion(assertion))
+
+
 class _Shown:
     def __init__(self, explanation: Explanation) -> None:
         self._explanation = explanation
@@ -64,7 +69,7 @@ class _Shown:
         yield f"{explanation.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
         for title, entries in (
             (GOALS, [self._goal(each) for each in explanation.goals]),
-            (ASSERTIONS, [self._assertion(each) for each in explanation.assertions]),
+            (ASSERTIONS, [self.assertion(each) for each in explanation.assertions]),
             (RULES, [self._rule(each) for each in written]),
             (ENSEMBLE, [self._ensemble(each) for each in explanation.ensemble]),
         ):
@@ -126,7 +131,8 @@ class _Shown:
 
     # ---- time assertions
 
-    def _assertion(self, assertion: ExplainedAssertion) -> Iterator[str]:
+    def assertion(self, assertion: ExplainedAssertion) -> Iterator[str]:
+        """Yield the lines of a time assertion."""
         yield f"  {assertion.name}  {_place(assertion.place)}"
         yield _entry("starts with", assertion.starts_with)
         yield _entry("ends with", f"{assertion.ends_with} within {assertion.deadline}, else {assertion.violation}")

@@ -75,7 +75,7 @@ class Loader:
         return items
 
     def _included(self, item: IncludeItem, source: SourceText) -> list[Item]:
-        name = _name(item.path, source.file)
+        name = included_name(item.path, source.file)
         identity = identity_of(name)
         if identity in self._open:
             self._report_circle(item, identity)
@@ -128,7 +128,7 @@ class Loader:
         self.found.report("E009", f"the file includes itself: {chain}", item.span, hint="drop one of them", notes=notes)
 
 
-def _name(path: str, includer: str) -> str:
+def included_name(path: str, includer: str) -> str:
     """Return the name of an included file: relative to the includer's name, and normalised if that is the same file."""
     joined = os.path.join(os.path.dirname(includer), path)
     short = os.path.normpath(joined)

@@ -11,6 +11,7 @@ from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.analyse.types import CALLABLE
 from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostics.diagnostic import CODES
+from rmr.lang.pages import without_links
 from rmr.lang.read.tree_builder import RESERVED
 
 ROOT = Path(__file__).parents[3]
@@ -82,11 +83,15 @@ def test_the_provided_facts_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Sensed facts", 1) if row[0] != "provided"]
     known = [declaration_text(each.name, each.types, "") for each in provided.PREDICATES.values()]
     assert [f"type {signature}." for signature in listed] == known
+    told = [without_links(row[1]) for row in rows(LANGUAGE, "Sensed facts", 2) if row[0] != "provided"]
+    assert told == [each.doc for each in provided.PREDICATES.values()]
 
 
 def test_the_provided_actions_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Actions", 1) if row[0] != "provided"]
     assert listed == [declaration_text(each.name, each.types, "action ") for each in provided.ACTIONS.values()]
+    told = [without_links(row[1]) for row in rows(LANGUAGE, "Actions", 2) if row[0] != "provided"]
+    assert told == [each.doc for each in provided.ACTIONS.values()]
 
 
 def test_the_functions_of_expressions_are_those_of_the_code():

@@ -222,3 +222,174 @@ def test_requests_before_the_first_and_behind_the_last_one_are_refused():
         client.request("shutdown")
         with pytest.raises(LspError, match="the server has been shut down; what is left is `exit`"):
             client.ask("hover", URI, (0, 0))
+
+
+# ---- names
+
+SHOP = """\
+type action moveto(R: robot, A: area) -o at(R, A).
+type !due(robot, float).  // seconds
+const patience = 2 * 10.
+fun late(T, D) = T > D + patience.
+
+?arrived(R).
+start(R).
+!due(R, 30.0).
+
+crossing: assert(crossing(R, D), at(R, exit), D, broadcast(R)).
+
+start(R), !due(R, D), not (late(1.0, D)) -o crossing(R, D).
+crossing(R, D), D > patience, [1] = [1] -o moveto(R, exit), seen(R, abs(D)).
+at(R, exit) -o arrived(R).
+seen(R, _) -o 1.
+"""
+
+
+def where(text, word, number=0, inside=0):
+    """Return the position of the `number`-th occurrence of a word in a text."""
+    offset = -1
+    for _ in range(number + 1):
+        offset = text.index(word, offset + 1)
+    before = text[: offset + inside]
+    return before.count("\n"), len(before) - before.rfind("\n") - 1
+
+
+def spans(locations):
+    return [(span(each), each["uri"]) for each in locations]
+
+
+def named(text, word, *numbers):
+    """Return the spans of some occurrences of a word."""
+    return [(where(text, word, each), where(text, word, each, len(word))) for each in numbers]
+
+
+@pytest.fixture
+def shop(editor):
+    editor.open(URI, SHOP)
+    assert editor.diagnostics(URI) == []
+    return editor
+
+
+@pytest.mark.parametrize(
+    ("word", "lines"),
+    [
+        (
+            "moveto",
+            [
+                "type action moveto(R: robot, A: area) -o at(R, A).",
+                "an action, declared in untitled:a.rmr, line 1",
+                "Provided: drives to the area",
+            ],
+        ),
+        ("due", ["type !due(robot, float).", "a persistent predicate, declared in untitled:a.rmr, line 2"]),
+        ("crossing(", ["type crossing(robot, float).", "a temporary predicate, first used in untitled:a.rmr, line 10"]),
+        ("arrived", ["type arrived(robot).", "a temporary predicate, first used in untitled:a.rmr, line 6; a goal"]),
+        ("at(R, exit)", ["type sensor at(robot, area).", "Provided: the robot is in the area"]),
+        ("late", ["fun late(T, D) = T > D + patience."]),
+        ("patience", ["const patience = 2 * 10."]),
+        ("abs", ["abs(X)", "of ints an int, else a float"]),
+        ("D, ", ["D: float"]),
+        ("crossing:", ["served by", "moveto(R, exit)", "its effect at(R, exit), the finish fact"]),
+    ],
+)
+def test_hover_says_what_a_name_is(shop, word, lines):
+    found = shop.ask("hover", URI, where(SHOP, word))
+    assert [each for each in lines if each not in found["contents"]["value"]] == []
+    assert found["contents"]["kind"] == "markdown"
+
+
+def test_hover_over_nothing_says_nothing(shop):
+    assert shop.ask("hover", URI, (4, 0)) is None
+    assert shop.ask("hover", URI, where(SHOP, "seconds")) is None
+    assert shop.ask("hover", "untitled:other.rmr", (0, 0)) is None
+
+
+def test_definition_leads_to_the_declaration_or_the_first_use(shop):
+    for word, used, declared in (("moveto", 1, 0), ("late", 1, 0), ("patience", 1, 0), ("seen", 1, 0), ("due", 2, 0)):
+        found = shop.ask("definition", URI, where(SHOP, word, used, 1))
+        assert [span(each) for each in found] == named(SHOP, word, declared), word
+
+
+def test_references_are_all_places_and_without_the_declaration_if_that_is_asked(shop):
+    found = shop.ask("references", URI, where(SHOP, "patience", 1), context={"includeDeclaration": True})
+    assert [span(each) for each in found] == named(SHOP, "patience", 0, 1, 2)
+    found = shop.ask("references", URI, where(SHOP, "due"), context={"includeDeclaration": False})
+    assert [span(each) for each in found] == named(SHOP, "due", 1, 2)
+    found = shop.ask("documentHighlight", URI, where(SHOP, "(R, D), at", inside=4))
+    line, _ = where(SHOP, "(R, D), at")
+    assert {span(each)[0][0] for each in found} == {line}
+    assert len(found) == 2
+
+
+def test_names_are_found_across_files_that_include_each_other(editor, tmp_path):
+    part, main = tmp_path / "part.rmr", tmp_path / "main.rmr"
+    text = f'/* {FACE} */ include "part.rmr".\n/* {FACE} */ ready(R) -o 1.\n'
+    editor.open(main.as_uri(), text)
+    editor.open(part.as_uri(), "type ready(robot).\nready(R).\n")
+    found = editor.ask("definition", main.as_uri(), (1, 9))
+    assert spans(found) == [(((0, 5), (0, 10)), part.as_uri())]
+    found = editor.ask("references", part.as_uri(), (1, 2), context={"includeDeclaration": True})
+    assert spans(found) == [
+        (((1, 9), (1, 14)), main.as_uri()),
+        (((0, 5), (0, 10)), part.as_uri()),
+        (((1, 0), (1, 5)), part.as_uri()),
+    ]
+    [found] = editor.ask("definition", main.as_uri(), (0, 21))
+    assert found["uri"] == part.as_uri()
+
+
+def test_symbols_are_the_items_of_a_file(shop):
+    found = shop.ask("documentSymbol", URI)
+    assert [each["name"] for each in found[:5]] == ["moveto", "due", "patience", "late", "?arrived(R)."]
+    assert [each["detail"] for each in found[:5]] == ["action", "predicate", "constant", "function", "goal"]
+    assert [each["name"] for each in found if each["detail"] == "assertion"] == ["crossing"]
+    assert span(found[1]) == ((1, 0), (1, 24))
+    assert found[1]["selectionRange"]["start"] == {"line": 1, "character": 6}
+    assert found[-1]["name"] == "seen(R, _) -o 1."
+
+
+def test_an_editor_that_knows_no_trees_gets_a_list_of_symbols():
+    with LspClient() as client:
+        client.initialize(textDocument={})
+        client.open(URI, "type p(robot).\n")
+        [found] = client.ask("documentSymbol", URI)
+        assert (found["name"], found["location"]["uri"]) == ("p", URI)
+
+
+def test_completion_knows_the_words_of_the_program_what_robots_provide_and_keywords(editor):
+    text = SHOP + "crossing(Robot, Time), mo"
+    editor.open(URI, text)
+    end = text.count("\n"), len("crossing(Robot, Time), mo")
+    items = editor.ask("completion", URI, end)
+    found = {each["label"]: each for each in items}
+    assert {"due", "crossing", "moveto", "goto", "pose", "patience", "late", "abs", "then", "collect", "Time"} <= set(
+        found
+    )
+    assert "D" not in found  # of another item
+    assert found["goto"]["detail"] == "type action goto(robot, float, float)."
+    assert found["goto"]["documentation"]["value"] == "drives to a point, metres"
+    assert found["due"]["detail"] == "type !due(robot, float)."
+    assert len({(each["label"], each["kind"]) for each in items}) == len(items)  # `id` is a fact and a function
+
+
+def test_nothing_is_completed_in_comments_and_strings(editor):
+    editor.open(URI, 'p(R). // here\nq(R, "there"). /* and */ s(R).\n')
+    assert editor.ask("completion", URI, (0, 13)) == []
+    assert editor.ask("completion", URI, (1, 8)) == []
+    assert editor.ask("completion", URI, (1, 20)) == []
+    assert editor.ask("completion", URI, (1, 26)) != []
+
+
+# ---- layout
+
+
+def test_formatting_is_that_of_rmr_fmt_and_changes_only_lines_that_differ(editor):
+    text = f"p(R).\n// {FACE}\nq( R ) .  // {FACE}\nr(R).\n"
+    editor.open(URI, text)
+    options = {"tabSize": 2, "insertSpaces": True}
+    [edit] = editor.ask("formatting", URI, options=options)
+    assert (span(edit), edit["newText"]) == (((2, 0), (3, 0)), f"q(R).  // {FACE}\n")
+    editor.change(URI, 2, (*span(edit), edit["newText"]))
+    assert editor.ask("formatting", URI, options=options) == []
+    editor.change(URI, 3, "p(R")
+    assert editor.ask("formatting", URI, options=options) is None

@@ -1,0 +1,145 @@
+"""Answers to an editor's requests: `programs` and `symbols` in the words of the protocol."""
+
+from collections.abc import Callable, Iterator
+
+from lsprotocol import types
+
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.format import format_source
+from rmr.lang.read.source_text import SourceText
+from rmr_editor.language_server import Server, TextPlace, made
+from rmr_editor.programs import lines_of
+from rmr_editor.symbols import Named, Occurrence, SymbolIndex, included_at, outline, replaced
+
+
+def answering() -> Server:
+    """Return a server that answers all requests."""
+    server = made()
+    _answer_about_names(server)
+    _answer_about_texts(server)
+    return server
+
+
+def _answer_about_names(server: Server) -> None:
+    @server.feature(types.TEXT_DOCUMENT_HOVER)
+    async def hover(ls: Server, params: types.HoverParams) -> types.Hover | None:
+        for place in await ls.named(params.text_document.uri, params.position):
+            found = place.occurrence
+            text = place.index.described(found) if found is not None else None
+            text = text or place.index.serving(place.source.file, place.offset)
+            if text is not None:
+                where = ls.range(found.span, place.index.program) if found is not None else None
+                return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, text), where)
+        return None
+
+    @server.feature(types.TEXT_DOCUMENT_DEFINITION)
+    async def definition(ls: Server, params: types.DefinitionParams) -> list[types.Location]:
+        places = await ls.named(params.text_document.uri, params.position)
+        for place in places:
+            file = included_at(place.source, place.offset)
+            if file is not None:
+                start = types.Position(0, 0)
+                return [types.Location(ls.programs.uri(file), types.Range(start, start))]
+        return ls.locations(_everywhere(places, SymbolIndex.definitions))
+
+    @server.feature(types.TEXT_DOCUMENT_REFERENCES)
+    async def references(ls: Server, params: types.ReferenceParams) -> list[types.Location]:
+        found = _everywhere(await ls.named(params.text_document.uri, params.position), SymbolIndex.all)
+        return ls.locations(each for each in found if params.context.include_declaration or not each[1].declares)
+
+    @server.feature(types.TEXT_DOCUMENT_DOCUMENT_HIGHLIGHT)
+    async def highlight(ls: Server, params: types.DocumentHighlightParams) -> list[types.DocumentHighlight]:
+        uri = params.text_document.uri
+        found = ls.locations(_everywhere(await ls.named(uri, params.position), SymbolIndex.all))
+        return [types.DocumentHighlight(each.range) for each in found if each.uri == uri]
+
+
+def _everywhere(
+    places: "list[TextPlace]", found: Callable[[SymbolIndex, Named], list[Occurrence]]
+) -> "Iterator[tuple[TextPlace, Occurrence]]":
+    """Yield the occurrences of what each place names."""
+    for place in places:
+        occurrence = place.occurrence
+        if occurrence is not None:
+            yield from ((place, each) for each in found(place.index, occurrence.symbol))
+
+
+def _answer_about_texts(server: Server) -> None:
+    @server.feature(types.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    async def symbols(
+        ls: Server, params: types.DocumentSymbolParams
+    ) -> list[types.DocumentSymbol] | list[types.SymbolInformation]:
+        await ls.settled()
+        uri = params.text_document.uri
+        for program, source in ls.programs.of(uri):
+            found = [(each, ls.range(each.span, program)) for each in outline(program, source.file)]
+            if not _takes_trees(ls.client_capabilities):
+                return [
+                    types.SymbolInformation(types.Location(uri, where), each.name, SYMBOL_KINDS[each.what])
+                    for each, where in found
+                ]
+            return [
+                types.DocumentSymbol(each.name, SYMBOL_KINDS[each.what], where, ls.range(each.head, program), each.what)
+                for each, where in found
+            ]
+        return []
+
+    @server.feature(types.TEXT_DOCUMENT_COMPLETION)
+    async def completion(ls: Server, params: types.CompletionParams) -> list[types.CompletionItem]:
+        for place in await ls.named(params.text_document.uri, params.position):
+            return [
+                types.CompletionItem(
+                    each.word,
+                    kind=COMPLETION_KINDS[each.what],
+                    detail=each.detail or each.what,
+                    documentation=types.MarkupContent(types.MarkupKind.Markdown, each.doc) if each.doc else None,
+                )
+                for each in place.index.suggestions(place.source.file, place.offset)
+            ]
+        return []
+
+    @server.feature(types.TEXT_DOCUMENT_FORMATTING)
+    def formatting(ls: Server, params: types.DocumentFormattingParams) -> list[types.TextEdit] | None:
+        buffer = ls.programs.buffer(params.text_document.uri)
+        text = None if buffer is None else format_source(SourceText(buffer.file, buffer.text), Diagnostics())
+        if buffer is None or text is None:
+            return None  # it has syntax errors, which its diagnostics tell
+        change = replaced(buffer.text, text)
+        if change is None:
+            return []
+        start, end, new = change
+        lines = lines_of(buffer.text, ls.programs.encoding)
+        first, last = (types.Position(*lines.position(each)) for each in (start, end))
+        return [types.TextEdit(types.Range(first, last), new)]
+
+
+def _takes_trees(client: types.ClientCapabilities) -> bool:
+    shown = client.text_document and client.text_document.document_symbol
+    return bool(shown and shown.hierarchical_document_symbol_support)
+
+
+SYMBOL_KINDS = {
+    "predicate": types.SymbolKind.Struct,
+    "action": types.SymbolKind.Method,
+    "function": types.SymbolKind.Function,
+    "constant": types.SymbolKind.Constant,
+    "assertion": types.SymbolKind.Event,
+    "goal": types.SymbolKind.Key,
+    "fact": types.SymbolKind.Object,
+    "rule": types.SymbolKind.Operator,
+}
+"""What an item of an outline is, in the protocol's words."""
+COMPLETION_KINDS = {
+    "predicate": types.CompletionItemKind.Struct,
+    "action": types.CompletionItemKind.Method,
+    "function": types.CompletionItemKind.Function,
+    "constant": types.CompletionItemKind.Constant,
+    "variable": types.CompletionItemKind.Variable,
+    "keyword": types.CompletionItemKind.Keyword,
+}
+"""What a suggestion is, in the protocol's words."""
+
+
+def _is_watching(client: types.ClientCapabilities) -> bool:
+    watched = client.workspace and client.workspace.did_change_watched_files
+    return bool(watched and watched.dynamic_registration)
