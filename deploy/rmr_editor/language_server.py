@@ -34,11 +34,14 @@ from rmr.entry import ExitCode
 from rmr.lang.compiler import Compilation
 from rmr.lang.diagnostics.diagnostic import CODES, Diagnostic, Severity
 from rmr.lang.read.source_text import SourceText, Span
-from rmr_editor.programs import Change, CompileJob, Programs, lines_of
+from rmr_editor.programs import Change, Programs, lines_of
 from rmr_editor.symbols import Occurrence, SymbolIndex
 
 QUIET_S = 0.005
 """How long no further change must come before a compilation begins: editors send those of one keystroke together."""
+IDLE_S = 1.0
+"""How long after a compilation garbage is looked for: there is hardly any, and the search takes half as long as a
+compilation."""
 
 
 class Protocol(LanguageServerProtocol):
@@ -139,6 +142,7 @@ class Server(LanguageServer):
         self.ended_in_order = False
         """The editor has said that it is about to end."""
         self._compiling: asyncio.Task[None] | None = None
+        self._collection: asyncio.TimerHandle | None = None
         self._published: set[str] = set()
         """URIs of files about which something has been said."""
 
@@ -164,6 +168,8 @@ class Server(LanguageServer):
             await asyncio.shield(self._compiling)
 
     async def _compile(self) -> None:
+        if self._collection is not None:
+            self._collection.cancel()
         while not self.programs.settled:
             generation = -1
             while generation != self.programs.generation:
@@ -171,7 +177,7 @@ class Server(LanguageServer):
                 await asyncio.sleep(QUIET_S)
             job = self.programs.job()
             try:
-                roots = await asyncio.to_thread(_run, job)
+                roots = await asyncio.to_thread(job.run)
             except Exception as error:
                 self.report_server_error(RuntimeError(f"a defect of the compiler: {error!r}"), PyglsError)
                 roots = dict(job.kept)
@@ -180,6 +186,7 @@ class Server(LanguageServer):
                     self._publish()
                 except BrokenPipeError:
                     return  # the reader notices, too, that the editor is gone
+        self._collection = asyncio.get_running_loop().call_later(IDLE_S, gc.collect)
 
     # ---- diagnostics
 
@@ -265,15 +272,6 @@ def page_uri(code: str) -> str:
     return (Path(pages.__file__).parent / f"{code}.md").as_uri()
 
 
-def _run(job: CompileJob) -> dict[Path, Compilation]:
-    # Hardly anything of what a compilation makes is garbage: looking for it takes a tenth of the time.
-    gc.disable()
-    try:
-        return job.run()
-    finally:
-        gc.enable()
-
-
 def made() -> Server:
     """Return a server that answers no questions yet."""
     server = Server()
@@ -321,6 +319,7 @@ def serve(server: Server) -> int:
     octets_out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     gc.freeze()
+    gc.disable()  # see IDLE_S
     try:
         asyncio.run(_conversation(server, sys.stdin.buffer, octets_out))
     except SystemExit:

@@ -20,7 +20,8 @@ from pathlib import Path
 
 from rmr.lang.compiler import Compilation, compile_text
 from rmr.lang.diagnostics.diagnostic import Diagnostic
-from rmr.lang.read.include import identity_of
+from rmr.lang.read.include import Editing, identity_of
+from rmr.lang.read.kept_items import KeptItems
 from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceText, Span
 from rmr_editor.symbols import SymbolIndex
 
@@ -96,14 +97,16 @@ class CompileJob:
     """The open files, those first that were opened first."""
     kept: Mapping[Path, Compilation]
     """Compilations of roots that nothing has changed."""
+    parsed: dict[str, KeptItems]
+    """Items of the last versions of texts, by the names of the files."""
 
     def run(self) -> dict[Path, Compilation]:
         """Return the compilations of all roots."""
         found = dict(self.kept)
-        unsaved = {identity: each.text for identity, each in self.texts.items()}
+        editing = Editing({identity: each.text for identity, each in self.texts.items()}, self.parsed)
         for identity, each in self.texts.items():
             if identity not in found and not any(identity in included_by(root) for root in found.values()):
-                found[identity] = compiled(each, unsaved)
+                found[identity] = compiled(each, editing)
         order = list(self.texts)
         for identity in order:
             # Of two that include each other the one that was opened first is the root.
@@ -113,13 +116,13 @@ class CompileJob:
         return found
 
 
-def compiled(buffer: Buffer, unsaved: Mapping[Path, str]) -> Compilation:
+def compiled(buffer: Buffer, editing: Editing) -> Compilation:
     """Compile a text that the editor holds, as `rmr check` compiles a file."""
     source = SourceText(buffer.file, buffer.text)
     if len(buffer.text) > SOURCE_OCTETS_MAX:
         message = f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB"
         return Compilation(source, None, [Diagnostic("E003", message, Span(buffer.file, 0, 0))])
-    return compile_text(source, unsaved=unsaved)
+    return compile_text(source, editing=editing)
 
 
 def included_by(root: Compilation) -> frozenset[Path]:
@@ -140,6 +143,7 @@ class Programs:
     """Files that have changed since their compilation; None: any may have."""
     _taken: int = 0
     """The generation of the compilations."""
+    _parsed: dict[str, KeptItems] = field(default_factory=dict)
     _indexes: list[SymbolIndex] = field(default_factory=list)
     """Those of the compilations that have been asked for."""
 
@@ -204,7 +208,7 @@ class Programs:
         """Return what is to be compiled."""
         texts = {each.identity: each for each in self._buffers.values()}
         kept = {identity: root for identity, root in self._roots.items() if identity in texts and self._is_kept(root)}
-        return CompileJob(self.generation, texts, kept)
+        return CompileJob(self.generation, texts, kept, self._parsed)
 
     def _is_kept(self, root: Compilation) -> bool:
         # A file that could not be included may be there by now.
@@ -219,6 +223,8 @@ class Programs:
             return False
         self._roots = roots
         self._indexes = []
+        files = {file for root in roots.values() for file in root.sources}
+        self._parsed = {file: kept for file, kept in self._parsed.items() if file in files}
         self._changed = set()
         self._taken = job.generation
         return True

@@ -13,7 +13,7 @@ from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.lower.emitter import Emitter
 from rmr.lang.lower.goal_paths import with_leads
 from rmr.lang.lower.servers import with_serving
-from rmr.lang.read.include import NOTHING_UNSAVED, Loader, Unsaved
+from rmr.lang.read.include import Editing, Loader
 from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, GoalItem, ModuleNode
 
@@ -77,11 +77,11 @@ def compile_text(
     given: Given = NOTHING_GIVEN,
     *,
     closed: bool = False,
-    unsaved: Unsaved = NOTHING_UNSAVED,
+    editing: Editing | None = None,
 ) -> Compilation:
-    """Compile a source; `given` and `closed` as in `compile_file`. Texts in `unsaved` stand for included files."""
+    """Compile a source; `given` and `closed` as in `compile_file`, `editing` is an editor's."""
     found = Diagnostics()
-    loader = Loader(found, unsaved)
+    loader = Loader(found, editing)
     module = loader.module(source)
     if not module.items and not found.failed:
         found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))

@@ -4,20 +4,26 @@
 
 Processor time of `rmr check`, the interpreter's start included, for a program of thirty lines and one of a thousand;
 time and memory of the compiler for hundreds, thousands and ten thousands of items, each with predicates of its own or
-all over the same; and for texts that nobody means as a program. The exit code is 0 only if every target is met.
+all over the same; for texts that nobody means as a program; in `rmr lsp` the time from a key to the diagnostics. The
+exit code is 0 only if every target is met.
 """
 
 import argparse
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 
 from run import ROOT, Figure, show, used
+
+sys.path.insert(0, str(ROOT / "tests"))
+from lsp_client import LspClient
 
 SIZES = (100, 1_000, 10_000)
 """Items of the programs that are compiled."""
@@ -121,11 +127,51 @@ def wrong(name: str, text: str) -> Iterable[Figure]:
     yield Figure(f"{name}: memory", megabytes, "MB", 400)
 
 
+def lively(lines: int) -> str:
+    """Return rules with a declaration, a comment and a fact each, as a person lays them out."""
+    block = """type goods{k}(robot, int).
+// What there is of the goods {k}, and what becomes of them.
+load(R, N), goods{k}(R, M), N > {k} -o load(R, N - 1), goods{k}(R, M + 1),
+    work(R, N).
+goods{k}(R, {k}).
+
+"""
+    start = "type load(robot, int).\nload(R, 9).\ntype action work(R: robot, N: int) -o done(R).\ndone(R) -o 1.\n"
+    text = start + "".join(block.format(k=k) for k in range(lines // 6 + 1))
+    return "".join(text.splitlines(keepends=True)[:lines])
+
+
+KEY_MS_MAX = 100
+"""Time from a key to the diagnostics: what comes within it seems to come at once."""
+
+
+def keys(lines: int, repetitions: int) -> Iterable[Figure]:
+    """Time from a change until `rmr lsp` has said what is wrong: at the beginning, in the middle, at the end."""
+    uri = "untitled:program.rmr"
+    text = lively(lines)
+    end = text.count("\n")
+    taken = []
+    with LspClient() as editor:
+        editor.initialize().open(uri, text)
+        editor.diagnostics(uri, 1)
+        for version in range(2, 2 + 3 * repetitions):
+            line = (4, end // 2, end)[version % 3]
+            time.sleep(0.2)  # nobody types faster all the time
+            begun = time.perf_counter()
+            editor.change(uri, version, ((line, 0), (line, 0), " "))
+            assert not any(each["severity"] == 1 for each in editor.diagnostics(uri, version))
+            taken.append((time.perf_counter() - begun) * 1e3)
+    each = f"rmr lsp, {lines} lines, from a key to the diagnostics"
+    yield Figure(f"{each}: median of {len(taken)}", statistics.median(taken), "ms", KEY_MS_MAX)
+    yield Figure(f"{each}: 19 of 20 within", statistics.quantiles(taken, n=20)[-1], "ms", KEY_MS_MAX)
+
+
 def figures(quick: bool) -> Iterable[Figure]:
     """Take all figures, one after the other."""
     repetitions = 5 if quick else 15
     yield from check_cpu(30, 150, repetitions)
     yield from check_cpu(1000, 1000, repetitions)
+    yield from keys(1000, repetitions)
     yield from growth("predicates of their own", sparse)
     yield from growth("the same predicates", dense)
     for name, text in WRONG.items():

@@ -10,10 +10,10 @@ import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from rmr.lang.analyse.names import meant
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.read.kept_items import KeptItems
 from rmr.lang.read.parser import ITEMS_MAX, parse
 from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceError, SourceText, read_source
 from rmr.lang.read.syntax import IncludeItem, Item, ModuleNode
@@ -28,10 +28,18 @@ CHARACTERS_MAX = 4 * SOURCE_OCTETS_MAX
 """Characters of all files of one program together."""
 
 
-Unsaved = Mapping[Path, str]
-"""Texts of files that an editor holds, by the resolved paths of the files: what is on disk is older."""
+@dataclass(frozen=True, slots=True)
+class Editing:
+    """What an editor brings to a program that it has compiled at each change."""
 
-NOTHING_UNSAVED: Unsaved = MappingProxyType({})
+    unsaved: Mapping[Path, str]
+    """Texts that it holds, by the resolved paths of the files: what is on disk is older."""
+    kept: dict[str, KeptItems] = field(default_factory=dict)
+    """What was parsed, by the names of the files."""
+
+    def kept_of(self, file: str) -> KeptItems:
+        """Return what was parsed of a file."""
+        return self.kept.setdefault(file, KeptItems())
 
 
 @dataclass(slots=True)
@@ -39,7 +47,7 @@ class Loader:
     """Reads a program's files and puts them together."""
 
     found: Diagnostics
-    unsaved: Unsaved = field(default_factory=lambda: NOTHING_UNSAVED)
+    editing: Editing | None = None
     sources: dict[str, SourceText] = field(default_factory=dict)
     """Texts by the file names that diagnostics use, in reading order."""
     incomplete: bool = False
@@ -64,7 +72,7 @@ class Loader:
         self._open[identity] = by
         self._read.add(identity)
         self._characters += len(source.text)
-        module = parse(source, self.found)
+        module = parse(source, self.found, None if self.editing is None else self.editing.kept_of(source.file))
         self._broken |= module.broken
         self._count += len(module.items)
         self.incomplete |= not module.complete
@@ -104,7 +112,7 @@ class Loader:
         return False
 
     def _source(self, item: IncludeItem, name: str) -> SourceText | None:
-        text = self.unsaved.get(identity_of(name))
+        text = None if self.editing is None else self.editing.unsaved.get(identity_of(name))
         if text is not None:
             return SourceText(name, text)
         try:

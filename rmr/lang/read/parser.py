@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.automaton import Automaton
 from rmr.lang.read.grammar import END
+from rmr.lang.read.kept_items import KeptItems
 from rmr.lang.read.lexer import COMMENT_SIGNS, OPEN_COMMENT, Token, tokens, without_foreign_comments
 from rmr.lang.read.source_text import SourceText, Span
 from rmr.lang.read.syntax import Item, ModuleNode, children
@@ -55,17 +56,23 @@ BEGINNINGS = frozenset(["TYPE", "CONST", "FUN", "INCLUDE", "ORDER", "ASSERT", "W
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
-def parse(source: SourceText, found: Diagnostics) -> ModuleNode:
-    """Return the syntax tree of `source`; report syntax errors to `found`."""
-    return _Parser(source, found).module()
+def parse(source: SourceText, found: Diagnostics, kept: KeptItems | None = None) -> ModuleNode:
+    """Return the syntax tree of `source`; report syntax errors to `found`. Take what is the same from `kept`."""
+    if kept is None:
+        return _Parser(source, found, None).module()
+    kept.begin(source.text)
+    module = _Parser(source, found, kept).module()
+    kept.end()
+    return module
 
 
 class _Parser:
     """The parser of one file."""
 
-    def __init__(self, source: SourceText, found: Diagnostics) -> None:
+    def __init__(self, source: SourceText, found: Diagnostics, kept: KeptItems | None) -> None:
         self._source = source
         self._found = found
+        self._kept = kept
         self._words = tokens(source.text)
         self._ahead: deque[Token] = deque()
         """Tokens of the look-ahead that are not consumed yet."""
@@ -75,6 +82,10 @@ class _Parser:
         self._repairs = FILE_REPAIRS_MAX
         self._is_uncertain = False
         """A repair of this item dropped tokens, so that its meaning may differ from the intended one."""
+        self._is_as_meant = True
+        """Nothing of this item was unexpected."""
+        self._end = 0
+        """The offset behind the last full stop that ended an item."""
         self._is_lost = False
         """The parser has given up, and has reported why."""
         self._are_comments_foreign = False
@@ -87,12 +98,13 @@ class _Parser:
         items: list[Item] = []
         in_a_row = 0
         while in_a_row < BROKEN_MAX and not self._is_lost:
+            is_ahead = bool(self._ahead)
             first = self._next()
             if first.kind == OPEN_COMMENT:
                 self._open_comment(first)
             if first.kind in {END, OPEN_COMMENT}:
                 return ModuleNode(tuple(items), frozenset(self._broken))
-            item = self._item(first)
+            item = self._item(first) if self._kept is None else self._item_again(self._kept, first, is_ahead)
             in_a_row = in_a_row + 1 if item is None else 0
             if item is not None:
                 items.append(item)
@@ -128,6 +140,22 @@ class _Parser:
 
     # ---- items
 
+    def _item_again(self, kept: KeptItems, first: Token, is_ahead: bool) -> Item | None:
+        """Return the item that begins with `first`: a kept one, or one that is parsed now and may be kept.
+
+        `is_ahead`: the token is one of the look-ahead, which a repair may have changed.
+        """
+        again = None if is_ahead or self._are_comments_foreign else kept.item(first.start)
+        if again is not None:
+            self._words = tokens(self._source.text, again.end)
+            return again.item
+        count = self._found.count
+        self._is_as_meant = True
+        item = self._item(first)
+        if item is not None and self._is_as_meant and self._found.count == count:
+            kept.keep(first.start, item, self._end)
+        return item
+
     def _item(self, first: Token) -> Item | None:
         """Return the item that begins with `first`, or None after reporting an error that was not repaired."""
         automaton = self._automaton
@@ -141,6 +169,7 @@ class _Parser:
             if automaton.take(word):
                 read.append(word)
                 if word.kind == "DOT":
+                    self._end = word.end
                     return self._finished(automaton.item(), len(read))
                 if len(automaton.states) > STATES_MAX or len(read) > ITEM_WORDS_MAX:
                     self._endless(first, word, len(read))
@@ -150,6 +179,7 @@ class _Parser:
                 continue
             # In order: a known habit of another language, which replaces tokens of the item and parses it again;
             # a repair at the unexpected token; panic mode.
+            self._is_as_meant = False
             misfit = self._misfit(first, previous, word)
             habit = self._habit(read, misfit) if repairs else None
             if habit is not None and habit.patch is not None:
