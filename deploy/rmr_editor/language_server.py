@@ -195,12 +195,13 @@ class Server(LanguageServer):
         for uri in [*every, *sorted(self._published - every.keys())]:
             found = every.get(uri, [])
             buffer = self.programs.buffer(uri)
-            shown = [self._diagnostic(each, program) for each, program in found]
+            shown = [self.diagnostic(each, program) for each, program in found]
             version = None if buffer is None else buffer.version
             self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, shown, version))
         self._published = {uri for uri, found in every.items() if found}
 
-    def _diagnostic(self, each: Diagnostic, program: Compilation) -> types.Diagnostic:
+    def diagnostic(self, each: Diagnostic, program: Compilation) -> types.Diagnostic:
+        """Return a diagnostic as the protocol has it."""
         place = self.location(each.span, program)
         notes = [types.DiagnosticRelatedInformation(place, f"hint: {each.hint}")] if each.hint else []
         notes += [types.DiagnosticRelatedInformation(self.location(n.span, program), n.message) for n in each.notes]

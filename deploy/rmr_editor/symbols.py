@@ -8,7 +8,7 @@ syntax tree as it was read. Of a program with errors that is what the errors hav
 import os
 import re
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -43,6 +43,7 @@ from rmr.lang.read.syntax import (
     Variable,
     walk,
 )
+from rmr.lang.read.tree_builder import RESERVED
 
 
 class NameSpace(Enum):
@@ -151,6 +152,45 @@ class SymbolIndex:
         """Return where a symbol is declared; the first place that names it if it is declared nowhere."""
         every = self.all(symbol)
         return [each for each in every if each.declares] or every[:1]
+
+    # ---- other names
+
+    def why_fixed(self, symbol: Named) -> str | None:
+        """Return why a symbol keeps its name, as a sentence; None if it may get another one."""
+        known = self.program.known
+        if symbol.space is NameSpace.FUNCTION and (known is None or symbol.name not in known.names.functions):
+            return f"`{symbol.name}` is a function of the language"
+        if symbol.space is NameSpace.PREDICATE and known is not None:
+            signature = known.names.signatures[symbol.name]
+            is_action = not signature.is_fact and symbol.name in provided.ACTIONS
+            if is_action or signature.provided:
+                return f"`{symbol.name}` is provided by robots under this name"
+        return None
+
+    def why_not(self, symbol: Named, name: str) -> str | None:
+        """Return why a symbol cannot be called `name`, as a sentence; None if it can."""
+        is_variable = symbol.space is NameSpace.VARIABLE
+        if not re.fullmatch(r"[A-Z_][A-Za-z0-9_]*" if is_variable else r"[a-z][A-Za-z0-9_]*", name) or name == "_":
+            first = "an upper-case letter or `_`" if is_variable else "a lower-case letter"
+            return f"`{name}` is no name of a {symbol.space.value}: {first}, then letters, digits and `_`"
+        if name in RESERVED:
+            return f"`{name}` is a reserved word"
+        if name != symbol.name and self._is_taken(symbol, name):
+            return f"`{name}` is taken: it means something else in this program"
+        module = self.program.module
+        if module is not None and (symbol.name in module.broken or not module.complete):
+            return f"`{symbol.name}` stands in an item with a syntax error, which comes first"
+        return None
+
+    def _is_taken(self, symbol: Named, name: str) -> bool:
+        if symbol.space is NameSpace.VARIABLE:
+            return bool(self.all(Named(symbol.space, name, symbol.item)))
+        others = [Named(space, name) for space in NameSpace if space is not NameSpace.VARIABLE]
+        is_provided = name in provided.PREDICATES or name in provided.ACTIONS or name in CALLABLE
+        # A constant stands for each symbol of its name.
+        literals = (node for node in walk(self._items()) if isinstance(node, Literal))
+        is_symbol = symbol.space is NameSpace.CONSTANT and any(each.value == Symbol(name) for each in literals)
+        return is_provided or is_symbol or any(map(self.all, others))
 
     # ---- what a symbol is
 
@@ -341,24 +381,3 @@ def outline(program: Compilation, file: str) -> Iterator[Outlined]:
                 yield Outlined(short, "rule", item.span, item.span)
             case _:
                 pass
-
-
-def replaced(old: str, new: str) -> tuple[int, int, str] | None:
-    """Return where the lines of `old` differ from those of `new`, and what replaces them; None if they do not."""
-    if old == new:
-        return None
-    lines, others = old.splitlines(keepends=True), new.splitlines(keepends=True)
-    same = _common(lines, others)
-    same_last = _common(lines[same:][::-1], others[same:][::-1])
-    start = sum(map(len, lines[:same]))
-    end = len(old) - sum(map(len, lines[len(lines) - same_last :]))
-    return start, end, "".join(others[same : len(others) - same_last])
-
-
-def _common(one: Iterable[str], other: Iterable[str]) -> int:
-    count = 0
-    for a, b in zip(one, other, strict=False):
-        if a != b:
-            break
-        count += 1
-    return count

@@ -17,7 +17,7 @@ from rmr.lang.analyse.lint import warn
 from rmr.lang.analyse.named_constants import resolve
 from rmr.lang.analyse.names import NOTHING_GIVEN, Given, Names, collect, meant
 from rmr.lang.analyse.types import DRAWN, TIMED, Types
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.lower.ensemble_rules import rewritten
 from rmr.lang.lower.ensemble_writer import EnsembleRules, EnsembleWriter
 from rmr.lang.lower.joint_plan import owners_of, with_named_owners
@@ -230,7 +230,8 @@ def _stated(fact: FactNode, found: Diagnostics) -> None:
             continue
         hint = None
         if isinstance(argument, Variable) and argument.name[0].isupper():
-            hint = f"a constant would be `{argument.name[0].lower()}{argument.name[1:]}`"
+            constant = argument.name[0].lower() + argument.name[1:]
+            hint = WordHint(f"a constant would be `{constant}`", constant)
         found.report("E023", "a fact that the program states has constant arguments", argument.span, hint=hint)
 
 

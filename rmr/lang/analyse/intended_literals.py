@@ -14,7 +14,7 @@ from typing import Any
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.program import Base
 from rmr.lang.analyse.types import CALLABLE, Types
-from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, WordHint
 from rmr.lang.read.habits.brackets import AGGREGATES, aggregate_hint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -208,7 +208,9 @@ class _Reader:
         if replaced:
             value, span = replaced[0]
             message = f"`{value}` is a number, where a robot is needed"
-            self._found.report("E021", message, span, hint=f"robot {value} is written `@{value}`")
+            self._found.report(
+                "E021", message, span, hint=WordHint(f"robot {value} is written `@{value}`", f"@{value}")
+            )
         return changed
 
     def _robot_numbers(self, item: Item) -> Iterable[Span]:

@@ -17,7 +17,7 @@ from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
 from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.analyse.types import CALLABLE, WINNING, Types, constants, leaves
-from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics, WordHint
 from rmr.lang.read.syntax import (
     AggregateNode,
     AssertionItem,
@@ -177,7 +177,9 @@ class _Lint:
             and not self._found.wrong_at(variable.span)
         ):
             message = f"the variable `{variable.name}` is used only here and matches anything"
-            self._found.report("W101", message, variable.span, hint=f"did you mean the constant `{constant}`?")
+            self._found.report(
+                "W101", message, variable.span, hint=WordHint(f"did you mean the constant `{constant}`?", constant)
+            )
 
     # ---- rules that never fire
 

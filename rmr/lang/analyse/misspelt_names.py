@@ -9,10 +9,11 @@ from collections import Counter
 from collections.abc import Iterator
 
 from rmr.bytecode import provided
-from rmr.lang.analyse.names import LETTERS_MAX, Names, meant, near
+from rmr.lang.analyse.names import LETTERS_MAX, Names, meant
 from rmr.lang.analyse.supply import Supply
 from rmr.lang.analyse.type_spelling import SYNONYMS, declaration_text
-from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics, WordHint
+from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import FactNode, ModuleNode, TypeDeclaration, TypeName
 
 SEARCHES_MAX = 100
@@ -56,13 +57,13 @@ class Speller:
         for action in provided.ACTIONS.values():
             self._readable.setdefault(len(action.types) + 1, []).append(action.name)
 
-    def meant(self, name: str, candidates: list[str]) -> str | None:
+    def meant(self, name: str, candidates: list[str], at: Span | None = None) -> str | None:
         """Return the hint for a name that may be misspelt, or None; also None beyond the search budget."""
-        return meant(name, candidates) if self._may_search() else None
+        return meant(name, candidates, at) if self._may_search() else None
 
     def known(self, fact: FactNode) -> str | None:
         """Return the hint with a similar predicate that has a source and the same arity, or None."""
-        return self.meant(fact.name.text, self._known.get(len(fact.arguments), []))
+        return self.meant(fact.name.text, self._known.get(len(fact.arguments), []), fact.name.span)
 
     def _may_search(self) -> bool:
         self._searches += 1
@@ -81,14 +82,16 @@ class Speller:
         if action is not None:
             declaration = declaration_text(name, action.types, "action ")
             hint = f"to act, declare the action: `{declaration}`"
+            fix = self._names.declaring(fact.span.file, declaration)
             if len(action.types) + 1 != len(fact.arguments):
                 hint += "; with other arguments it takes a handler of your own"
-            self._found.report("W108", f"{message}; no action of that name is declared", fact.span, hint=hint)
+                fix = None
+            self._found.report("W108", f"{message}; no action of that name is declared", fact.span, hint=hint, fix=fix)
         elif name not in self._unread and self._may_search():
             self._unread.add(name)
-            match = near(name, self._readable.get(len(fact.arguments), []))
-            if match is not None:
-                self._found.report("W108", message, fact.span, hint=f"did you mean `{match}`?")
+            near = meant(name, self._readable.get(len(fact.arguments), []), fact.name.span)
+            if near is not None:
+                self._found.report("W108", message, fact.span, hint=near)
 
     # ---- types
 
@@ -113,7 +116,7 @@ class Speller:
             match = SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
             if match is not None and not self._found.noted(kind.span):
                 message = f"`{name}` is a set of symbols" + (" that is named only here" if counts[name] == 1 else "")
-                self._found.report("W111", message, kind.span, hint=f"did you mean `{match}`?")
+                self._found.report("W111", message, kind.span, hint=WordHint(f"did you mean `{match}`?", match))
 
 
 def _slips(name: str) -> Iterator[str]:

@@ -17,7 +17,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode.program import Base
 from rmr.lang.analyse.names import LETTERS_MAX, FactRole, uses
 from rmr.lang.analyse.types import Types
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
     Binary,
@@ -81,7 +81,7 @@ def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found
         reported.update((rare, other))
         notes = (DiagnosticNote(there[0].span, "used here"),)
         message = f"`{rare}` is used only here"
-        found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
+        found.report("W112", message, here[0].span, hint=WordHint(f"did you mean `{other}`?", other), notes=notes)
 
 
 def lint_letters(letters: dict[str, Item | None], types: Types, found: Diagnostics) -> None:

@@ -15,7 +15,7 @@ from rmr.bytecode import provided
 from rmr.bytecode.program import Base, Best, Kind, Type
 from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.analyse.types import DRAWN, ORDERED, TIMED
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, Fix, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
     AggregateNode,
@@ -115,10 +115,17 @@ class Names:
     """Whether nothing but `given` comes from outside: no handler, event or other program brings facts."""
     functions: dict[str, FunctionItem] = field(default_factory=dict)
     """The program's own functions."""
+    begins: dict[str, int] = field(default_factory=dict)
+    """The offset of each file's first item."""
 
     def of(self, fact: FactNode) -> Signature:
         """Return the signature of the predicate or action that `fact` names; each name in the program has one."""
         return self.signatures[fact.name.text]
+
+    def declaring(self, file: str, declaration: str) -> Fix | None:
+        """Return the fix that writes a declaration before the first item of a file."""
+        begin = self.begins.get(file)
+        return None if begin is None else Fix(Span(file, begin, begin), f"{declaration}\n")
 
 
 def near(name: str, candidates: list[str]) -> str | None:
@@ -142,10 +149,10 @@ def _swapped(one: str, other: str) -> bool:
     return len(off) == 2 and off[1] == off[0] + 1 and one[off[0]] == other[off[1]] and one[off[1]] == other[off[0]]
 
 
-def meant(name: str, candidates: list[str]) -> str | None:
-    """Return the hint "did you mean" for a misspelt name, or None."""
+def meant(name: str, candidates: list[str], at: Span | None = None) -> str | None:
+    """Return the hint "did you mean" for a misspelt name, or None; `at`: its place if more than it is reported."""
     match = near(name, candidates)
-    return f"did you mean `{match}`?" if match is not None else None
+    return WordHint(f"did you mean `{match}`?", match, at) if match is not None else None
 
 
 # ---- uses
@@ -220,6 +227,8 @@ def declared_type(name: TypeName) -> Type:
 def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
     """Return the symbol table of `module`; report repeated declarations and uses that contradict the table."""
     names = Names(uses=[use for item in module.items for use in uses(item)], given=given)
+    for item in module.items:
+        names.begins.setdefault(item.span.file, item.span.start)
     for item in module.items:
         if isinstance(item, TypeDeclaration):
             _declare(item, names, found)
@@ -353,7 +362,7 @@ def _check_use(use: Use, names: Names, found: Diagnostics) -> None:
             hint = f"provided is `{declaration_text(name, signature.types, word)}`"
         message = f"`{name}` has {_count(signature.arity, 'argument')}, here it is given {given}"
         found.report("E011", message, fact.span, hint=hint, notes=notes)
-    _check_kind(use, signature, notes, found)
+    _check_kind(use, names, notes, found)
 
 
 def _place_note(signature: Signature) -> str:
@@ -377,9 +386,10 @@ _FOR_FACTS = {
 """Positions in which an action is an error, each with the hint."""
 
 
-def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
+def _check_kind(use: Use, names: Names, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
     fact = use.fact
     name = use.fact.name.text
+    signature = names.of(fact)
     kind = signature.kind
     word = kind.name.lower()
     if use.role is FactRole.VIOLATION:
@@ -388,29 +398,39 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...
             found.report("E012", message, fact.span, notes=notes)
         return
     if kind is Kind.ACTION:
-        _check_action_use(use, signature, notes, found)
+        _check_action_use(use, names, notes, found)
         return
     if fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
         hint = f"drop the `!`, or declare `type !{name}(...)`"
         hint += f"; that there is none is `not {name}(...)`" if use.role is FactRole.BODY else ""
-        found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)
+        message = f"`{name}` is a {word} fact, not a persistent one"
+        found.report("E012", message, fact.span, hint=hint, notes=notes, fix=_unmarked(fact))
     elif fact.mark is Mark.KEEP and kind is not Kind.TEMPORARY:
         message = f"`$` keeps a temporary fact; `{name}` is {word} and is never consumed"
         if signature.banged is not None:
             notes = (DiagnosticNote(signature.banged, "persistent because of this `!`"),)
-        found.report("E012", message, fact.span, hint="drop the `$`", notes=notes)
+        found.report("E012", message, fact.span, hint="drop the `$`", notes=notes, fix=_unmarked(fact))
     elif use.role is FactRole.HEAD and fact.mark is not Mark.GOAL and kind is Kind.SENSED:
         message = f"`{name}` is sensed by the robot, no rule derives it"
         found.report("E012", message, fact.span, notes=notes)
 
 
-def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
+def _check_action_use(use: Use, names: Names, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
     fact = use.fact
     name = use.fact.name.text
+    signature = names.of(fact)
     if use.role in _FOR_FACTS:
         found.report("E012", f"`{name}` is an action", fact.span, hint=_FOR_FACTS[use.role], notes=notes)
     elif fact.mark is not Mark.NONE:
         found.report("E012", f"`{name}` is an action; `{fact.mark.value}` marks facts", fact.span, notes=notes)
     elif signature.declaration is None:
-        hint = f"`{declaration_text(name, signature.types, 'action ')}`"
-        found.report("E013", f"the action `{name}` is derived but not declared", fact.span, hint=hint, notes=notes)
+        text = declaration_text(name, signature.types, "action ")
+        message = f"the action `{name}` is derived but not declared"
+        fix = names.declaring(fact.span.file, text)
+        found.report("E013", message, fact.span, hint=f"`{text}`", notes=notes, fix=fix)
+
+
+def _unmarked(fact: FactNode) -> Fix | None:
+    """Return the fix that drops the mark of a fact; behind `not` it stands somewhere else."""
+    start = fact.span.start
+    return None if fact.absent else Fix(Span(fact.span.file, start, start + 1), "")

@@ -10,7 +10,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.type_spelling import SYNONYMS, type_text
 from rmr.lang.analyse.types import BOOL, INT, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described, fits
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Expression, Literal
 
@@ -43,9 +43,14 @@ def literal_hint(expression: Expression, wanted: Type) -> str | None:
     if isinstance(value, Symbol):
         if value in {"null", "none", "nil"}:
             return "there is no empty value: where nothing is known there is no fact"
-        return f'a text stands in quotes: `"{value}"`' if wanted.base is Base.STRING else None
+        text = f'"{value}"'
+        return (
+            WordHint(f"a text stands in quotes: `{text}`", text, expression.span)
+            if wanted.base is Base.STRING
+            else None
+        )
     if type(value) is float and wanted.base is Base.INT and value.is_integer():
-        return f"`{int(value)}` is an int"
+        return WordHint(f"`{int(value)}` is an int", str(int(value)), expression.span)
     return None
 
 
@@ -53,7 +58,9 @@ def _unquoted(expression: Expression) -> str | None:
     """Return the hint for a number or a time in quotes."""
     value = expression.value if isinstance(expression, Literal) else None
     is_number = type(value) is str and re.fullmatch(r"[0-9]+(\.[0-9]+)?(ms|s|min)?", value)
-    return f"a number has no quotes: `{value}`" if is_number else None
+    if expression is None or not is_number:
+        return None
+    return WordHint(f"a number has no quotes: `{value}`", str(value), expression.span)
 
 
 class Demands:

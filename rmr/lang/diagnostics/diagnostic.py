@@ -86,6 +86,30 @@ class DiagnosticNote:
 
 
 @record
+class Fix:
+    """What to write in place of a part of the source, where the compiler knows it."""
+
+    span: Span
+    text: str
+
+
+class WordHint(str):
+    """A hint that names what to write, so that a fix can be made of it."""
+
+    __slots__ = ("at", "word")
+
+    def __new__(cls, text: str, word: str, at: Span | None = None) -> "WordHint":
+        """Return the hint `text`: write `word` at the place `at`, by default that of the diagnostic."""
+        hint = super().__new__(cls, text)
+        hint.word = word
+        hint.at = at
+        return hint
+
+    word: str
+    at: Span | None
+
+
+@record
 class Diagnostic:
     """One mistake of the program's author."""
 
@@ -94,6 +118,7 @@ class Diagnostic:
     span: Span
     hint: str | None = None
     notes: tuple[DiagnosticNote, ...] = ()
+    fix: Fix | None = None
 
     @property
     def severity(self) -> Severity:
@@ -111,11 +136,21 @@ class Diagnostics:
         self._uncertain: list[Span] = []
 
     def report(
-        self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[DiagnosticNote, ...] = ()
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        *,
+        hint: str | None = None,
+        notes: tuple[DiagnosticNote, ...] = (),
+        fix: Fix | None = None,
     ) -> None:
-        """Add a diagnostic; one with equal code, message and place counts once."""
+        """Add a diagnostic; one with equal code, message and place counts once. The fix may be that of the hint."""
         assert code in CODES, code
-        diagnostic = Diagnostic(code, message, span, hint, notes)
+        if isinstance(hint, WordHint):
+            fix = fix or Fix(hint.at or span, hint.word)
+            hint = str(hint)
+        diagnostic = Diagnostic(code, message, span, hint, notes, fix)
         found = self._found[diagnostic.severity]
         if diagnostic.severity is Severity.ERROR:
             self._wrong.add(span)
@@ -137,7 +172,7 @@ class Diagnostics:
         """Add the diagnostics of `other`."""
         for found in other._found.values():
             for each in found.values():
-                self.report(each.code, each.message, each.span, hint=each.hint, notes=each.notes)
+                self.report(each.code, each.message, each.span, hint=each.hint, notes=each.notes, fix=each.fix)
         for severity, dropped in other._dropped.items():
             self._dropped[severity] += dropped
 

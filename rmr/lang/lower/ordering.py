@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from rmr.bytecode.program import Kind, Mode
 from rmr.lang.analyse.names import Names, meant
 from rmr.lang.analyse.types import equation_of, matched_variables
-from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics, WordHint
 from rmr.lang.lower.robot_rules import Decide, Environment, Gather, Let, MatchStep, Step
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -132,7 +132,7 @@ class Orderer:
         # A constant written with a capital letter reads as a variable.
         constant = variable.name[0].lower() + variable.name[1:]
         if constant in self._symbols:
-            return f"did you mean the constant `{constant}`?"
+            return WordHint(f"did you mean the constant `{constant}`?", constant)
         return bound_hint(variable, environment)
 
     # ---- conditions

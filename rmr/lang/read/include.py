@@ -167,4 +167,5 @@ def _alike(name: str) -> str | None:
         beside = sorted(each for each in os.listdir(os.path.dirname(name) or ".") if each.endswith(".rmr"))
     except (OSError, ValueError):
         return None
-    return meant(os.path.basename(name), beside)
+    hint = meant(os.path.basename(name), beside)
+    return None if hint is None else str(hint)

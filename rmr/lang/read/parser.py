@@ -12,7 +12,7 @@ from collections import deque
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics, Fix
 from rmr.lang.read.automaton import Automaton
 from rmr.lang.read.grammar import END
 from rmr.lang.read.kept_items import KeptItems
@@ -231,7 +231,13 @@ class _Parser:
         if found is None:
             return None
         self._repairs -= 1
-        self._found.report(found.code, found.message, found.span, hint=found.hint)
+        fix = None
+        if found.patch is not None and not found.uncertain:
+            start, end, meant = found.patch
+            is_comment = found.span.start == start == end  # the sign is read as that of a comment
+            text = "//" if is_comment else " ".join([word.text for word in meant])
+            fix = Fix(found.span if is_comment else Span(self._source.file, start, end), text)
+        self._found.report(found.code, found.message, found.span, hint=found.hint, fix=fix)
         self._is_uncertain |= found.uncertain
         return found
 
@@ -284,7 +290,8 @@ class _Parser:
             return False
         self._repairs -= 1
         if not self._is_uncertain and not self._is_known_capital(better):
-            self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
+            fix = better.fix
+            self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes, fix=fix)
         self._is_uncertain |= better.uncertain
         self._automaton.back(better.forget)
         self._ahead.extendleft(reversed(better.words))

@@ -8,7 +8,7 @@ it gets far enough to be credible. One mistake thus gives one message, and seman
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rmr.lang.diagnostics.diagnostic import DiagnosticNote
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Fix
 from rmr.lang.read.automaton import Automaton, TrialReach
 from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import Token, spelling
@@ -51,6 +51,8 @@ class Repair(NamedTuple):
     """True if a meaningful token is deleted or reinterpreted: the repaired item may differ from the intended one."""
     renames: bool = False
     """True if the repair lower-cases the capital letter of a name."""
+    fix: Fix | None = None
+    """The same in the text; None if what was meant is not certain enough to write it."""
 
 
 _Option = tuple[TrialReach, Repair]
@@ -80,9 +82,11 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     kinds = [each.kind for each in misfit.following]
     for kind, text in MEANT.get(word.text.lower(), ()):
         hint = foreign_hint(misfit.text, word.start)
-        found = Repair((word._replace(kind=kind, text=text),), f"unexpected {quoted(word)}", misfit.span(word), hint)
+        span = misfit.span(word)
+        found = Repair((word._replace(kind=kind, text=text),), f"unexpected {quoted(word)}", span, hint)
+        found = found._replace(fix=Fix(span, text))
         if kind == "OR" and kinds[1:3] == ["NAME", "LPAR"]:  # between facts there is no or
-            found = found._replace(hint=OR_HINT, uncertain=True)
+            found = found._replace(hint=OR_HINT, uncertain=True, fix=None)
         yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
     if kinds[:2] == ["VARIABLE", "LPAR"]:
         yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)
@@ -93,7 +97,8 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     elif (last := automaton.last("MINUS", "NAME")) and last[1].text == "o":
         arrow = Token("ARROW", "-o", last[0].start, last[1].end)
         hint = "an arrow is written `-o`, without a space"
-        found = Repair((arrow, word), "unexpected `- o`", misfit.span(arrow), hint, forget=2)
+        span = misfit.span(arrow)
+        found = Repair((arrow, word), "unexpected `- o`", span, hint, forget=2, fix=Fix(span, "-o"))
         yield automaton.reach(automaton.states[:-2], ["ARROW", *kinds]), found
 
 
@@ -101,7 +106,8 @@ def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
     text = variable.text.strip("_") or "p"
     name = variable._replace(kind="NAME", text=text[0].lower() + text[1:])
     hint = f"names of facts and actions begin with a lower-case letter: `{name.text}`"
-    return Repair((name,), f"unexpected {quoted(variable)}", misfit.span(variable), hint, renames=True)
+    span = misfit.span(variable)
+    return Repair((name,), f"unexpected {quoted(variable)}", span, hint, renames=True, fix=Fix(span, name.text))
 
 
 def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
@@ -111,6 +117,7 @@ def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     where = "at the end of the file" if misfit.word.kind == END else f"before {quoted(misfit.word)}"
     words = (Token("DOT", ".", misfit.previous.end, misfit.previous.end), misfit.word)
     found = Repair(words, f"a `.` is missing {where}", misfit.before, "every item ends with `.`")
+    found = found._replace(fix=Fix(misfit.before, "."))
     if misfit.word.kind == END:
         yield TrialReach(True, 0, 0), found
     else:
@@ -131,7 +138,8 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
         hint = None
         notes = () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
     # The inserted token itself earns nothing.
-    yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
+    found = Repair(words, message, misfit.before, hint, notes, fix=Fix(misfit.before, sign))
+    yield reach._replace(words=reach.words - 1), found
 
 
 def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
@@ -139,7 +147,8 @@ def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     word = misfit.word
     kinds = [each.kind for each in misfit.following]
     if automaton.last("COMMA"):
-        found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=1)
+        span = misfit.span(previous)
+        found = Repair((word,), "unexpected `,`", span, "drop it", forget=1, fix=Fix(span, ""))
         yield automaton.reach(automaton.states[:-1], kinds), found
     if word.kind in {"DOT", END}:
         return

@@ -11,6 +11,7 @@ from lsp_client import LspClient, LspError, span
 
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.render import to_json
+from rmr_editor.programs import Lines
 
 pytestmark = pytest.mark.medium
 FACE = "\U0001f600"
@@ -393,3 +394,110 @@ def test_formatting_is_that_of_rmr_fmt_and_changes_only_lines_that_differ(editor
     assert editor.ask("formatting", URI, options=options) == []
     editor.change(URI, 3, "p(R")
     assert editor.ask("formatting", URI, options=options) is None
+
+
+# ---- edits
+
+
+def edited(text, edit, uri=URI):
+    """Return a text after the edits of a workspace edit that concern it."""
+    [change] = [each for each in edit["documentChanges"] if each["textDocument"]["uri"] == uri]
+    for each in sorted(change["edits"], key=span, reverse=True):
+        lines = Lines(text, "utf-16")
+        start, end = (lines.offset(*position) for position in span(each))
+        text = text[:start] + each["newText"] + text[end:]
+    return text
+
+
+@pytest.mark.parametrize(
+    ("word", "number", "new"),
+    [
+        ("due", 1, "limit"),
+        ("patience", 2, "slack"),
+        ("late", 0, "tardy"),
+        ("crossing(", 2, "passing("),
+        ("seen", 0, "met"),
+    ],
+)
+def test_a_name_is_another_one_everywhere(shop, word, number, new):
+    edit = shop.ask("rename", URI, where(SHOP, word, number), newName=new.rstrip("("))
+    assert edited(SHOP, edit) == SHOP.replace(word, new)
+    assert edit["documentChanges"][0]["textDocument"]["version"] == 1
+
+
+def test_a_variable_is_another_one_in_its_item_alone(shop):
+    edit = shop.ask("rename", URI, where(SHOP, "R, _)"), newName="Robot")
+    assert edited(SHOP, edit) == SHOP.replace("seen(R, _)", "seen(Robot, _)")
+
+
+def test_a_name_is_another_one_in_all_files_of_the_program(editor, tmp_path):
+    part, main = tmp_path / "part.rmr", tmp_path / "main.rmr"
+    part.write_text("ready(R).\n")
+    text = f'include "part.rmr".\n/* {FACE} */ ready(R) -o 1.\n'
+    editor.open(main.as_uri(), text)
+    edit = editor.ask("rename", main.as_uri(), (1, 10), newName="waiting")
+    assert edited(text, edit, main.as_uri()) == text.replace("ready", "waiting")
+    assert edited("ready(R).\n", edit, part.as_uri()) == "waiting(R).\n"
+    assert {each["textDocument"]["version"] for each in edit["documentChanges"]} == {1, None}
+
+
+def test_an_editor_that_knows_no_versions_gets_plain_edits():
+    with LspClient() as client:
+        client.initialize(workspace={}).open(URI, "p(R).\np(R) -o 1.\n")
+        edit = client.ask("rename", URI, (0, 0), newName="q")
+        assert [span(each) for each in edit["changes"][URI]] == [((0, 0), (0, 1)), ((1, 0), (1, 1))]
+
+
+def test_what_may_get_another_name_is_shown_before(shop):
+    found = shop.ask("prepareRename", URI, where(SHOP, "due", 1, 2))
+    assert (span(found), found["placeholder"]) == (named(SHOP, "due", 1)[0], "due")
+
+
+@pytest.mark.parametrize(
+    ("word", "new", "why"),
+    [
+        ("due", "Limit", "`Limit` is no name of a predicate: a lower-case letter, then letters, digits and `_`"),
+        ("due", "", "`` is no name of a predicate"),
+        ("due", "a b", "`a b` is no name"),
+        ("due", "type", "`type` is a reserved word"),
+        ("due", "crossing", "`crossing` is taken"),
+        ("due", "pose", "`pose` is taken"),
+        ("patience", "exit", "`exit` is taken"),
+        ("D, ", "R", "`R` is taken"),
+        ("D, ", "d", "`d` is no name of a variable: an upper-case letter or `_`"),
+        ("moveto", "drive", "`moveto` is provided by robots under this name"),
+        ("at(R, exit)", "there", "`at` is provided by robots under this name"),
+        ("abs", "absolute", "`abs` is a function of the language"),
+        ("seconds", "hours", "here is no name of a predicate, action, function, constant or variable"),
+    ],
+)
+def test_a_name_that_is_none_is_refused_in_one_sentence(shop, word, new, why):
+    with pytest.raises(LspError) as refused:
+        shop.ask("rename", URI, where(SHOP, word), newName=new)
+    assert str(refused.value).startswith(why)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_name_in_an_item_with_a_syntax_error_is_not_renamed_in_parts(editor):
+    editor.open(URI, "p(R).\np(R), -o -o q(R).\np(R) -o 1.\n")
+    with pytest.raises(LspError, match="`p` stands in an item with a syntax error, which comes first"):
+        editor.ask("rename", URI, (0, 0), newName="q2")
+
+
+def test_hints_whose_words_are_known_are_quick_fixes(editor):
+    text = f"/* {FACE} */ p(R).\n/* {FACE} */ p(R) -> q(R).\n/* {FACE} */ q(R), X = sqr(1) -o stop(R).\n"
+    editor.open(URI, text)
+    whole = {"start": {"line": 0, "character": 0}, "end": {"line": 9, "character": 0}}
+    found = editor.ask("codeAction", URI, range=whole, context={"diagnostics": []})
+    titles = ["write `-o`", "write `sqrt`", "insert `type action stop(robot).`"]
+    assert sorted(each["title"] for each in found) == sorted(titles)
+    fixed = {each["title"]: edited(text, each["edit"]) for each in found}
+    assert fixed["write `-o`"] == text.replace("->", "-o")
+    assert fixed["write `sqrt`"] == text.replace("sqr", "sqrt")
+    declared = "type action stop(robot).\n"
+    assert fixed["insert `type action stop(robot).`"] == text.replace("p(R).", f"{declared}p(R).", 1)
+    assert {each["kind"] for each in found} == {"quickfix"}
+    assert [each["code"] for action in found for each in action["diagnostics"]] == ["E001", "E015", "W108"]
+    first = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 5}}
+    assert editor.ask("codeAction", URI, range=first, context={"diagnostics": []}) == []
+    assert editor.ask("codeAction", URI, range=whole, context={"diagnostics": [], "only": ["refactor"]}) == []
