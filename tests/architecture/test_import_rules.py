@@ -142,7 +142,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
-    "rmr_editor": {"lsprotocol", "pygls"},
+    "rmr_editor": {"lsprotocol", "pygls", "pygments"},
     "rmr_view": {"pydantic", "matplotlib", "PIL", "starlette", "uvicorn", "websockets"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
