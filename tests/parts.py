@@ -70,6 +70,7 @@ REAL_MODULES = frozenset(
         "unit/deploy/test_restarts.py",
         "unit/docs/test_docs_pictures.py",
         "unit/editor/test_lsp.py",
+        "unit/editor/test_vscode.py",
         "unit/lab/test_lab_check.py",
         "unit/lab/test_lab_new.py",
         "unit/lang/test_lang_functions.py",

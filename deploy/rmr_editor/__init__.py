@@ -5,6 +5,7 @@
 - `programs`: the texts that an editor holds, positions in them, and the compilation of each program.
 - `symbols`: what a name is, where it is declared and used, and what may be written at a place.
 - `highlight`: a lexer for Pygments.
+- `vscode`: the extension for Visual Studio Code, which `rmr lsp --vsix` packs.
 
 All that is said of a program comes from `rmr.lang`: there is no second analysis. docs/editor.md is the specification.
 """

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lsprotocol import types
-from pygls.exceptions import PyglsError
+from pygls.exceptions import FeatureRequestError, PyglsError
 from pygls.io_ import StdoutWriter, run_async
 from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol
@@ -146,8 +146,10 @@ class Server(LanguageServer):
         self._published: set[str] = set()
         """URIs of files about which something has been said."""
 
-    def report_server_error(self, error: Exception, source: Any) -> None:  # noqa: ARG002 - where it came up
-        """Tell the editor what went wrong, in its log."""
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        """Tell the editor what went wrong, in its log; the error of a request is its answer already."""
+        if source is FeatureRequestError:
+            return
         if isinstance(error, RecursionError | UnicodeDecodeError | json.JSONDecodeError):
             self.protocol.answer(None, -32700, "the message is no JSON in UTF-8")
             return

@@ -107,7 +107,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.why",
         "rmr_world",
     },
-    "rmr_editor": {"rmr.base", "rmr.bytecode", "rmr.entry", "rmr.lang"},
+    "rmr_editor": {"rmr.base", "rmr.bytecode", "rmr.entry", "rmr.lang", "rmr_world"},
     "rmr_view": {
         "rmr.base",
         "rmr.bus",

@@ -60,3 +60,12 @@ def test_wheel_holds_every_file_of_the_page(site):
     assert Path("vendor/SHA256SUMS") in files
     for file in files:
         assert (site / "rmr_view" / "page" / file).read_bytes() == (source / file).read_bytes(), file
+
+
+def test_wheel_packs_the_extension_for_an_editor(site, tmp_path):
+    code = "from rmr_editor.main import main; raise SystemExit(main())"
+    result = run(site, tmp_path, code, "--vsix", "rmr.vsix")
+    assert (result.returncode, result.stderr) == (0, "")
+    names = zipfile.ZipFile(tmp_path / "rmr.vsix").namelist()
+    source = ROOT / "deploy" / "rmr_editor" / "vscode"
+    assert {f"extension/{file.name}" for file in source.iterdir()} <= set(names)
