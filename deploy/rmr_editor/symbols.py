@@ -45,6 +45,9 @@ from rmr.lang.read.syntax import (
 )
 from rmr.lang.read.tree_builder import RESERVED
 
+NAMES_OF_ROBOTS = frozenset({"undelivered", *(each.effect for each in provided.ACTIONS.values() if each.effect)})
+"""Predicates that a program declares and robots state under these names: they are provided in effect."""
+
 
 class NameSpace(Enum):
     """The name spaces of symbols."""
@@ -163,7 +166,7 @@ class SymbolIndex:
         if symbol.space is NameSpace.PREDICATE and known is not None:
             signature = known.names.signatures[symbol.name]
             is_action = not signature.is_fact and symbol.name in provided.ACTIONS
-            if is_action or signature.provided:
+            if is_action or signature.provided or symbol.name in NAMES_OF_ROBOTS:
                 return f"`{symbol.name}` is provided by robots under this name"
         return None
 
@@ -186,7 +189,7 @@ class SymbolIndex:
         if symbol.space is NameSpace.VARIABLE:
             return bool(self.all(Named(symbol.space, name, symbol.item)))
         others = [Named(space, name) for space in NameSpace if space is not NameSpace.VARIABLE]
-        is_provided = name in provided.PREDICATES or name in provided.ACTIONS or name in CALLABLE
+        is_provided = any(name in names for names in (provided.PREDICATES, provided.ACTIONS, CALLABLE, NAMES_OF_ROBOTS))
         # A constant stands for each symbol of its name.
         literals = (node for node in walk(self._items()) if isinstance(node, Literal))
         is_symbol = symbol.space is NameSpace.CONSTANT and any(each.value == Symbol(name) for each in literals)
