@@ -26,14 +26,14 @@ class LspError(Exception):
 class LspClient:
     """One editor with its server."""
 
-    def __init__(self, *words):
+    def __init__(self, *words, **environment):
         code = "from rmr.cli import main; main()"
         self.process = subprocess.Popen(
             [sys.executable, "-c", code, "lsp", *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env=os.environ | {"RMR_COMPILED": ""},
+            env=os.environ | {"RMR_COMPILED": ""} | environment,
         )
         self._messages = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)

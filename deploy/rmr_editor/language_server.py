@@ -17,6 +17,7 @@ import stat
 import sys
 import threading
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -186,8 +187,8 @@ class Server(LanguageServer):
             if self.programs.take(job, roots):
                 try:
                     self._publish()
-                except BrokenPipeError:
-                    return  # the reader notices, too, that the editor is gone
+                except Exception as error:
+                    self.report_server_error(RuntimeError(f"a defect of the server: {error!r}"), PyglsError)
         self._collection = asyncio.get_running_loop().call_later(IDLE_S, gc.collect)
 
     # ---- diagnostics
@@ -343,5 +344,29 @@ async def _conversation(server: Server, octets_in: BinaryIO, octets_out: BinaryI
     # Not pygls's own reader: it waits in a thread, which Ctrl-C does not end.
     reader = asyncio.StreamReader()
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), octets_in)
-    server.protocol.set_writer(StdoutWriter(octets_out))
-    await run_async(threading.Event(), reader, server.protocol, logging.getLogger("pygls"), server.report_server_error)
+    is_over = threading.Event()
+    server.protocol.set_writer(MessageWriter(octets_out, is_over))
+    await run_async(is_over, reader, server.protocol, logging.getLogger("pygls"), server.report_server_error)
+
+
+class MessageWriter(StdoutWriter):
+    """Writes messages until the editor reads none any more, which ends the conversation."""
+
+    def __init__(self, stream: BinaryIO, is_over: threading.Event) -> None:
+        super().__init__(stream)
+        self._stream = stream
+        self._is_over = is_over
+
+    def write(self, data: bytes) -> None:
+        """Write a message."""
+        if self._is_over.is_set():
+            return
+        try:
+            super().write(data)
+        except OSError:
+            self._is_over.set()
+
+    def close(self) -> None:
+        """Close the stream."""
+        with suppress(OSError):
+            self._stream.close()

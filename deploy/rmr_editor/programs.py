@@ -60,7 +60,7 @@ class Lines:
         return line, len(words) if words.isascii() else len(words.encode(self._codec)) // self._octets
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def lines_of(text: str, encoding: str) -> Lines:
     """Return the lines of a text."""
     return Lines(text, encoding)

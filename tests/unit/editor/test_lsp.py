@@ -1,6 +1,7 @@
 """`rmr lsp` as an editor meets it: a client that speaks the protocol over the pipes of a process."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -166,6 +167,17 @@ def test_an_editor_that_dies_in_the_middle_leaves_no_traceback():
         assert said.count("\n") == 1
 
 
+def test_an_editor_that_reads_nothing_any_more_leaves_no_traceback():
+    reads, writes = os.pipe()
+    words = [sys.executable, "-c", "from rmr.cli import main; main()", "lsp"]
+    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=writes, stderr=subprocess.PIPE)
+    os.close(writes)
+    os.close(reads)
+    body = b'{"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"capabilities": {}}}'
+    _, said = process.communicate(b"Content-Length: %d\r\n\r\n%b" % (len(body), body), timeout=60)
+    assert (process.returncode, said) == (1, b"")
+
+
 def test_a_person_who_starts_it_is_told_what_it_is_for():
     code = "from rmr.cli import main; main()"
     words = [sys.executable, "-c", code, "lsp"]
@@ -212,6 +224,41 @@ def test_no_broken_message_ends_the_server_or_prints_a_traceback(editor):
     assert not any("\n" in each or "Traceback" in each for each in logged)
     assert "Traceback" not in json.dumps(editor.told)
     assert editor.end() == (0, "")
+
+
+def test_a_request_that_is_cancelled_is_answered_and_the_server_goes_on(editor):
+    editor.open(URI, SHOP)
+    place = {"textDocument": {"uri": URI}, "position": {"line": 0, "character": 13}}
+    editor.send({"jsonrpc": "2.0", "id": 900, "method": "textDocument/hover", "params": place})
+    editor.notify("$/cancelRequest", id=900)
+    editor.notify("$/cancelRequest", id=901)  # nobody asked
+    answer = editor.answer(900)
+    assert answer["error"]["code"] == -32800
+    assert editor.ask("hover", URI, (0, 13)) is not None
+    assert editor.end() == (0, "")
+
+
+def test_a_defect_of_the_compiler_is_one_sentence_and_the_next_text_is_compiled(tmp_path):
+    path = tmp_path / "sitecustomize.py"
+    path.write_text(
+        "import rmr.lang.compiler as compiler\n"
+        "whole = compiler.check\n"
+        "def check(module, *more, **options):\n"
+        "    if any(each.span.end == 8 for each in module.items):\n"
+        "        raise KeyError('drawn by a test')\n"
+        "    return whole(module, *more, **options)\n"
+        "compiler.check = check\n"
+    )
+    with LspClient(PYTHONPATH=str(tmp_path)) as client:
+        client.initialize().open(URI, "p(R, 1).\n")  # its item ends at 7
+        assert client.diagnostics(URI, 1) == []
+        client.change(URI, 2, "p(R, 12).\n")
+        assert client.diagnostics(URI, 2) == []
+        client.change(URI, 3, "p(R, 123).\nq(R).\n")
+        assert client.diagnostics(URI, 3) == []
+        told = [each["params"]["message"] for each in client.told if each.get("method") == "window/logMessage"]
+        assert told == ["rmr lsp: a defect of the compiler: KeyError('drawn by a test')"]
+        assert client.end() == (0, "")
 
 
 def test_requests_before_the_first_and_behind_the_last_one_are_refused():
