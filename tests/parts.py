@@ -56,6 +56,7 @@ REAL_MODULES = frozenset(
         "unit/bus/test_bus_seats.py",
         "unit/bus/test_bus_secret.py",
         "unit/bus/test_bus_session.py",
+        "unit/bus/test_rights.py",
         "unit/compiled/test_compiled.py",
         "unit/deploy/test_active_runs.py",
         "unit/deploy/test_exit_report.py",

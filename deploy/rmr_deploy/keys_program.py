@@ -139,13 +139,19 @@ def _issue(
     if known_as and (len(all_of) > 1 or all_of[0].role not in LISTENERS):
         raise CommandLineError("--host goes with one --world or one --router: nobody else listens")
     authority = Authority(folder)
-    before = {one.who for one in authority.index() if one.revoked is None}
+    index = authority.index()
+    before = {one.who for one in index if one.revoked is None}
+    listeners = {who for who in before if who.partition("/")[0] in LISTENERS}
+    new = set(map(str, all_of)) - {one.who for one in index}
     for who in all_of:
         issued = authority.issue(who, known_as, days or LEAF_DAYS)
         until = moment(datetime.fromisoformat(issued.valid_until))
         print(f"issued {who}, serial {issued.serial}, valid until {until}")
         if str(who) in before:
             print(f"  the one before is valid, too, until it expires, or rmr keys revoke {folder} {who}")
+    if listeners and new:
+        names, where = ", ".join(sorted(new)), ", ".join(sorted(listeners))
+        print(f"{names} may do nothing yet: write the bundles of {where} anew, and restart whichever of them listens")
 
 
 def _list(folder: Path, as_json: bool) -> None:

@@ -77,11 +77,10 @@ async def _live(options: argparse.Namespace, secret: Credentials | None, ending:
 
 async def _watch(router: Router, connect: list[str], secret: Credentials | None) -> None:
     """Say what changes. Raises NotAdmittedError for a router at `connect` that refuses from the beginning."""
-    revoked = set(secret.revoked) if isinstance(secret, Certificate) else set()
-    await asyncio.gather(_tell_company(router, revoked), *(_follow(router, endpoint, secret) for endpoint in connect))
+    await asyncio.gather(_tell_company(router, secret), *(_follow(router, endpoint, secret) for endpoint in connect))
 
 
-async def _tell_company(router: Router, revoked: set[str]) -> None:
+async def _tell_company(router: Router, secret: Credentials | None) -> None:
     """Say how many are connected, at the beginning and on each change, and of whom nothing is carried."""
     told = ""
     denied: set[str] = set()
@@ -91,10 +90,10 @@ async def _tell_company(router: Router, revoked: set[str]) -> None:
         if now != told:
             log.info("%s", now)
         told = now
-        if revoked and denied != (now_denied := router.holders() & revoked):
-            for subject in sorted(now_denied - denied):
-                log.warning("%s is connected with a revoked certificate: nothing of it is carried", subject)
-            denied = now_denied
+        if isinstance(secret, Certificate):
+            before, denied = denied, {one for one in router.holders() if secret.denies(one)}
+            for subject in sorted(denied - before):
+                log.warning("%s is connected %s: nothing of it is carried", subject, secret.denies(subject))
         await asyncio.sleep(LOOK_S)
 
 

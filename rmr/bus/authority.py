@@ -36,6 +36,7 @@ from rmr.bus.certificates import (
     INDEX_FILE,
     KEY_FILE,
     LISTENERS,
+    MEMBERS_FILE,
     REVOKED_FILE,
     URI_SCHEME,
     CertificateError,
@@ -216,6 +217,17 @@ class Authority:
         revoked = [one for one in self.index() if one.revoked is not None]
         return sorted({replace(Holder.read(one.who), generation=one.generation).subject for one in revoked})
 
+    def members(self) -> list[str]:
+        """Return the subjects that are not revoked, and of each holder the one that follows when they are.
+
+        So a listener lets in whoever is issued a certificate anew after it was revoked.
+        """
+        index = self.index()
+        good = {(one.who, one.generation) for one in index if one.revoked is None}
+        good |= {(one.who, one.generation + 1) for one in index}
+        gone = {(one.who, one.generation) for one in index if one.revoked is not None}
+        return sorted(replace(Holder.read(who), generation=number).subject for who, number in good - gone)
+
     def good(self, role: str, robots: Sequence[int] = ()) -> Holder:
         """Return a holder of `role`, of all of `robots`, that has a certificate: the one of no other robots first."""
         held = {one.who: Holder.read(one.who) for one in self.index() if one.revoked is None}
@@ -238,7 +250,8 @@ class Authority:
         files = {CA_FILE: self.folder / CA_FILE, CERTIFICATE_FILE: file, KEY_FILE: key_file}
         octets = {name: path.read_bytes() for name, path in files.items()}
         if who.role in LISTENERS:
-            octets[REVOKED_FILE] = "".join(f"{subject}\n" for subject in self.revoked()).encode()
+            for name, subjects in ((REVOKED_FILE, self.revoked()), (MEMBERS_FILE, self.members())):
+                octets[name] = "".join(f"{subject}\n" for subject in subjects).encode()
         return octets
 
     # --- its folder

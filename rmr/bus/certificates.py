@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rmr.base.ids import listed, spelled
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, DEFAULT_TLS_ENDPOINT, BusError, is_tls
+from rmr.bus.rights import access_control
 from rmr.bus.secret import Secret, read_secret
 from rmr.entry.command_line import CommandLineError
 
@@ -30,7 +31,8 @@ CA_FILE: Final = "ca.pem"
 CERTIFICATE_FILE: Final = "cert.pem"
 KEY_FILE: Final = "key.pem"
 REVOKED_FILE: Final = "revoked.txt"
-"""Files of a process's folder; the last one is in that of a listener alone."""
+MEMBERS_FILE: Final = "members.txt"
+"""Files of a process's folder; the last two are in that of a listener alone."""
 
 INDEX_FILE: Final = "index.json"
 """What is issued, in the folder of a CA: none for a process."""
@@ -48,12 +50,6 @@ FILE_OCTETS_MAX: Final = 1 << 20
 
 KEYS_VARIABLE: Final = "RMR_KEYS"
 """Environment variable with the folder of a process's keys, where no option names it."""
-
-_ALL_MESSAGES: Final = (
-    "put delete declare_subscriber query declare_queryable reply liveliness_token liveliness_query "
-    "declare_liveliness_subscriber"
-)
-"""What zenoh's access control tells apart."""
 
 
 class CertificateError(BusError):
@@ -120,8 +116,10 @@ class Certificate:
 
     folder: Path
     holder: Holder
-    revoked: tuple[str, ...] = ()
-    """Subjects that a listener lets do nothing."""
+    revoked: tuple[Holder, ...] = ()
+    """Whom a listener lets do nothing: members, or former ones."""
+    members: tuple[Holder, ...] = ()
+    """Whom a listener lets do what their roles may (`rmr.bus.rights`), unless they are revoked."""
 
     def client_settings(self) -> dict[str, Any]:
         """Return the settings of zenoh for whoever connects, by key."""
@@ -135,26 +133,26 @@ class Certificate:
             f"{tls}/connect_private_key": str(self.folder / KEY_FILE),
         }
 
-    def router_settings(self, _name: str = "") -> dict[str, Any]:
-        """Return the settings of zenoh for a router, by key: it takes TLS alone, and is deaf to the revoked."""
+    def router_settings(self, _name: str = "", *, joins: bool = False) -> dict[str, Any]:
+        """Return the settings of zenoh for a router, by key: it takes TLS alone, and members do what they may.
+
+        `joins`: it connects to other listeners, too.
+        """
         tls = "transport/link/tls"
-        settings: dict[str, Any] = {
+        members = {one.subject: (one.role, one.robots) for one in self.members if one not in self.revoked}
+        return {
             **self.client_settings(),
             "transport/link/protocols": ["tls"],
             f"{tls}/listen_certificate": str(self.folder / CERTIFICATE_FILE),
             f"{tls}/listen_private_key": str(self.folder / KEY_FILE),
+            **access_control(members, joins=joins),
         }
-        if self.revoked:
-            name = "revoked"
-            rule = {"permission": "deny", "flows": ["ingress", "egress"], "messages": _ALL_MESSAGES.split()}
-            settings |= {
-                "access_control/enabled": True,
-                "access_control/default_permission": "allow",
-                "access_control/rules": [{"id": name, **rule, "key_exprs": ["**"]}],
-                "access_control/subjects": [{"id": name, "cert_common_names": list(self.revoked)}],
-                "access_control/policies": [{"rules": [name], "subjects": [name]}],
-            }
-        return settings
+
+    def denies(self, subject: str) -> str:
+        """Return why this listener lets one with that subject do nothing, as a clause; nothing where it has rights."""
+        if subject in {one.subject for one in self.revoked}:
+            return "with a revoked certificate"
+        return "" if subject in {one.subject for one in self.members} else f"and not in {MEMBERS_FILE}"
 
     def check_role(self, *roles: str, robots: tuple[int, ...] = ()) -> None:
         """Raise CertificateError unless the holder has one of `roles`, and is all of `robots`."""
@@ -278,10 +276,12 @@ def read_certificate(folder: Path, now: datetime | None = None) -> Certificate:
         raise CertificateError(f"{folder / KEY_FILE}: no private key, or one under a password") from None
     if key.public_key() != certificate.public_key():
         raise CertificateError(f"{folder}: {KEY_FILE} is not the key of {CERTIFICATE_FILE}; take both from one bundle")
-    revoked = _revoked(folder) if holder.role in LISTENERS else ()
-    if holder.subject in revoked:
+    if holder.role not in LISTENERS:
+        return Certificate(folder.absolute(), holder)
+    revoked, members = (_holders(folder, name) for name in (REVOKED_FILE, MEMBERS_FILE))
+    if holder in revoked:
         raise CertificateError(f"{folder}: the certificate of {holder} is revoked; issue it anew with rmr keys issue")
-    return Certificate(folder.absolute(), holder, revoked)
+    return Certificate(folder.absolute(), holder, revoked, members)
 
 
 def parsed(octets: bytes, file: Path) -> "x509.Certificate":
@@ -294,14 +294,12 @@ def parsed(octets: bytes, file: Path) -> "x509.Certificate":
         raise CertificateError(f"{file}: no certificate in PEM form") from None
 
 
-def _revoked(folder: Path) -> tuple[str, ...]:
-    subjects = tuple(read_file(folder, REVOKED_FILE).decode(errors="replace").split())
-    for subject in subjects:
-        try:
-            Holder.read(subject)
-        except ValueError as error:
-            raise CertificateError(f"{folder / REVOKED_FILE}: {error}") from None
-    return subjects
+def _holders(folder: Path, name: str) -> tuple[Holder, ...]:
+    """Return whom the lines of a file name. Raises CertificateError."""
+    try:
+        return tuple(map(Holder.read, read_file(folder, name).decode(errors="replace").split()))
+    except ValueError as error:
+        raise CertificateError(f"{folder / name}: {error}") from None
 
 
 def read_file(folder: Path, name: str) -> bytes:

@@ -13,6 +13,7 @@
     rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
     rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments; ``operator``: the answers
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
+    rmr/{lab}/echo/{role}/{id}/{token}   of a process to itself: does its router carry what its role may say?
 
 `who` is a robot's id or ``world``.
 """
@@ -114,6 +115,10 @@ class Keys:
     def load(self, who: int | str) -> str:
         """Return the key of what a robot, or the ``operator``, is told about new programs."""
         return f"rmr/{self.lab}/load/{who}"
+
+    def echo(self, role: str, ident: int | str, token: str) -> str:
+        """Return the key of what a process with keys says to itself; `ident` is 0 but for robots."""
+        return f"rmr/{self.lab}/echo/{role}/{ident}/{token}"
 
     @property
     def world_alive(self) -> str:

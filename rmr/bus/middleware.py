@@ -16,6 +16,7 @@ from zenoh.handlers import Callback
 from rmr.bus import admission
 from rmr.bus.certificates import LISTENERS, Certificate, Credentials
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem, is_tls
+from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.secret import Secret
 
 POOLS_VARIABLE = "ZENOH_RUNTIME"
@@ -90,8 +91,7 @@ def router_settings(listen: str, connect: Sequence[str], secret: Credentials | N
         "connect/endpoints": list(connect),
         "connect/timeout_ms": -1,  # it retries, in the background
         **_COMMON_SETTINGS,
-        **({} if secret is None else secret.router_settings(name)),
-        **({} if secret is None or not connect else secret.client_settings()),
+        **({} if secret is None else secret.router_settings(name, joins=bool(connect))),
     }
 
 
@@ -175,8 +175,9 @@ def open_client(connect: str, secret: Credentials | None) -> Any:
     if isinstance(secret, Certificate) and not _echoes(session, connect, secret):
         session.close()
         raise NotAdmittedError(
-            f"{connect} lets {secret.holder} in, but carries nothing of it: its certificate is revoked there; "
-            "issue it anew with rmr keys issue"
+            f"{connect} lets {secret.holder} in, but carries nothing of it: its certificate is revoked there, or its "
+            "holder was not known yet when the keys of what listens were bundled; issue it anew with rmr keys issue, "
+            "or bundle those anew and restart what listens"
         )
     if isinstance(secret, Secret) and not any(secret.is_known_to(str(router)) for router in session.info.routers_zid()):
         session.close()
@@ -194,21 +195,40 @@ def _check_keys(endpoint: str, credentials: Credentials | None) -> None:
 def _echoes(session: Any, connect: str, certificate: Certificate) -> bool:
     """Return whether the router at `connect` carries what `session` says to another session of the same process.
 
-    A router that lets it do nothing does not say so. Takes `ECHO_S` at most.
+    It is said under the own role, for each robot that the process may be: a router that lets it do nothing does not say
+    so. Takes `ECHO_S` at most.
     """
     try:
         other = _open(_client_settings(connect, certificate))
     except zenoh.ZError:
         return True  # the router has gone meanwhile: nothing is known, and the session sees that, too
-    heard = threading.Event()
-    key = f"rmr-echo/{secrets.token_hex(8)}"
-    listening = other.declare_subscriber(key, Callback(lambda _: heard.set(), indirect=False))
-    end_s = time.monotonic() + ECHO_S
-    while not heard.wait(ECHO_PAUSE_S) and time.monotonic() < end_s:
-        session.put(key, b"")  # again: the router may have heard of the subscriber since
-    listening.undeclare()
-    other.close()
-    return heard.is_set()
+    role, token = certificate.holder.role, secrets.token_hex(8)
+    keys = {Keys(ANY_LAB).echo(role, robot, token) for robot in certificate.holder.robots or (0,)}
+    try:
+        return _heard(session, other, keys, ECHO_S) == keys
+    finally:
+        other.close()
+
+
+def _heard(speaker: Any, listener: Any, keys: set[str], limit_s: float) -> set[str]:
+    """Return on which of `keys` the session `listener` hears `speaker` within the limit."""
+    heard: set[str] = set()
+    came = threading.Event()
+
+    def hear(sample: Any) -> None:
+        heard.add(str(sample.key_expr))
+        came.set()
+
+    ears = [listener.declare_subscriber(key, Callback(hear, indirect=False)) for key in keys]
+    end_s = time.monotonic() + limit_s
+    while heard < keys and time.monotonic() < end_s:
+        for key in keys - heard:
+            speaker.put(key, b"")  # again: the router may have heard of the subscriber since
+        came.wait(ECHO_PAUSE_S)
+        came.clear()
+    for ear in ears:
+        ear.undeclare()
+    return heard
 
 
 class Router:

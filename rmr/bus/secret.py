@@ -72,9 +72,10 @@ class Secret:
         """Return the settings of zenoh for whoever connects, by key."""
         return {"transport/auth/usrpwd/user": self.user, "transport/auth/usrpwd/password": self.password}
 
-    def router_settings(self, name: str = "") -> dict[str, str]:
-        """Return the settings of zenoh for a router with the id of this `name`, by key."""
-        return {"id": self.router_id(name), "transport/auth/usrpwd/dictionary_file": str(self.file)}
+    def router_settings(self, name: str = "", *, joins: bool = False) -> dict[str, str]:
+        """Return the settings of zenoh for a router with the id of this `name`, by key; `joins`: it connects, too."""
+        own = {"id": self.router_id(name), "transport/auth/usrpwd/dictionary_file": str(self.file)}
+        return own | self.client_settings() if joins else own
 
 
 def make_secret(path: Path) -> None:

@@ -33,6 +33,8 @@ class Lab:
         self.ca = Authority.begin(folder / "ca")
         for who in HOLDERS:
             self.issue(who)
+        for who in ("world", "router/127.0.0.1"):  # whose folders name all others
+            self.bundle(who)
 
     def issue(self, who, days=365):
         """Issue a certificate, and write the folder of its process."""
@@ -273,6 +275,16 @@ def test_a_revoked_robot_is_told_and_one_that_was_issued_anew_is_let_in(lab):
     lab.robot(1).wait_for("robot 1 is in lab bench")
 
 
+def test_who_was_issued_keys_after_the_bundle_of_a_router_is_told(lab):
+    router = lab.router()
+    router.wait_for("a router at")
+    keys = lab.issue("operator/eve")
+    said = lab.refused("rmr_deploy.fault", "list", "--connect", lab.stage.endpoint, "--keys", keys)
+    assert f"{lab.stage.endpoint} lets operator/eve in, but carries nothing of it: " in said
+    assert "holder was not known yet when the keys of what listens were bundled" in said
+    router.wait_for("operator/eve is connected and not in members.txt: nothing of it is carried")
+
+
 def test_a_router_that_has_not_the_new_list_still_carries_the_revoked(lab):
     """The limit that the page tells: the list is read when the router starts."""
     router = lab.router()
@@ -287,13 +299,13 @@ def test_a_router_that_has_not_the_new_list_still_carries_the_revoked(lab):
 
 
 def test_a_revoked_session_can_neither_say_nor_hear_anything(lab):
-    revoke(lab, "robot/1")
+    """Not even one that might do everything: a router's."""
+    lab.issue("router/b")
+    revoke(lab, "router/b")
     lab.router().wait_for("a router at")
     heard = []
-    with (
-        outsider(lab.stage.endpoint, lab.keys("operator/ann")) as good,
-        outsider(lab.stage.endpoint, lab.keys("robot/1")) as bad,
-    ):
+    good_keys = lab.keys("router/127.0.0.1")
+    with outsider(lab.stage.endpoint, good_keys) as good, outsider(lab.stage.endpoint, lab.keys("router/b")) as bad:
         ears = [
             each.declare_subscriber("rmr/**", lambda s, who=who: heard.append((who, str(s.key_expr))))
             for who, each in (("good", good), ("bad", bad))
@@ -303,7 +315,7 @@ def test_a_revoked_session_can_neither_say_nor_hear_anything(lab):
             for who, each in (("good", good), ("bad", bad))
         ]
         tokens = [each.liveliness().declare_token(f"rmr/alive/{who}") for who, each in (("good", good), ("bad", bad))]
-        with outsider(lab.stage.endpoint, lab.keys("viewer/bob")) as witness:
+        with outsider(lab.stage.endpoint, good_keys) as witness:
             ears.append(witness.declare_subscriber("rmr/**", lambda s: heard.append(("witness", str(s.key_expr)))))
             for _ in range(100):
                 bad.put("rmr/from/bad", b"")
@@ -371,6 +383,7 @@ def test_a_robot_whose_certificate_expires_while_it_runs_loses_the_lab_and_says_
     with monkeypatch.context() as patch:  # its validity does not begin after that of what it issues
         patch.setattr(authority, "_now", lambda: datetime.now(UTC).replace(microsecond=0) - timedelta(days=2))
         lab.ca = Authority.begin(lab.folder / "old")
+    lab.issue("robot/1")
     lab.issue("world")
     lab.world().wait_for("lab bench, 2 robots")
     keys = soon_over(lab, monkeypatch, "robot/1", 8)

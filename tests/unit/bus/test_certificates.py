@@ -138,7 +138,8 @@ def test_everything_that_is_written_is_private(ca, bundled):
 
 def test_a_bundle_has_what_one_process_needs_and_nothing_else(bundled):
     assert sorted(path.name for path in bundled(ROBOT).iterdir()) == ["ca.pem", "cert.pem", "key.pem"]
-    assert sorted(path.name for path in bundled(WORLD).iterdir()) == ["ca.pem", "cert.pem", "key.pem", "revoked.txt"]
+    of_listener = ["ca.pem", "cert.pem", "key.pem", "members.txt", "revoked.txt"]
+    assert sorted(path.name for path in bundled(WORLD).iterdir()) == of_listener
 
 
 def test_a_bundle_may_be_an_archive_which_is_private_with_what_is_in_it(ca, tmp_path):
@@ -179,9 +180,26 @@ def test_revoked_are_all_certificates_until_then_and_none_after(ca, bundled):
     with pytest.raises(CertificateError, match="world has no certificate; issue one with rmr keys issue"):
         ca.bundle(WORLD)
     after = read_certificate(bundled(WORLD))
-    assert (after.holder.subject, after.revoked) == ("world#2", ("world",))
+    assert (after.holder.subject, after.revoked) == ("world#2", (WORLD,))
     assert ca.revoke(WORLD) == 1
-    assert read_certificate(bundled(WORLD)).revoked == ("world", "world#2")
+    assert read_certificate(bundled(WORLD)).revoked == (WORLD, Holder("world", "", 2))
+
+
+def test_members_are_all_who_are_not_revoked_and_whoever_follows_them(ca, bundled):
+    """A listener need not be told when one is issued a certificate anew after a revocation."""
+    robots = holder("robot", "1-2")
+    for who in (ROBOT, ROBOT, robots):
+        ca.issue(who)
+    assert ca.members() == ["robot/1-2", "robot/1-2#2", "robot/4", "robot/4#2"]
+    ca.revoke(ROBOT)
+    assert ca.members() == ["robot/1-2", "robot/1-2#2", "robot/4#2"]
+    ca.issue(ROBOT)
+    listener = read_certificate(bundled(WORLD))
+    assert [one.subject for one in listener.members] == [*ca.members()]
+    assert ca.members() == ["robot/1-2", "robot/1-2#2", "robot/4#2", "robot/4#3", "world", "world#2"]
+    assert listener.denies("robot/4") == "with a revoked certificate"
+    assert listener.denies("robot/4#2") == ""
+    assert listener.denies("robot/5") == "and not in members.txt"
 
 
 def test_nobody_can_be_bundled_or_revoked_who_has_no_certificate(ca):
@@ -285,7 +303,7 @@ def test_a_listener_whose_own_certificate_is_revoked_is_told(ca, bundled):
     (folder / "revoked.txt").write_text("robot/1\nworld\n")
     assert "the certificate of world is revoked; issue it anew" in refused(folder)
     (folder / "revoked.txt").write_text("robot/1\nworld#2\n")
-    assert read_certificate(folder).revoked == ("robot/1", "world#2")
+    assert read_certificate(folder).revoked == (holder("robot", "1"), Holder("world", "", 2))
 
 
 @pytest.mark.parametrize(("name", "right"), [("", "700"), ("key.pem", "600")])
@@ -297,7 +315,7 @@ def test_keys_that_others_can_read_or_change_are_refused(bundled, name, right, b
     assert refused(folder) == f"{path}: other users may read or change it; run: chmod {right} {path}"
 
 
-@pytest.mark.parametrize("name", ["ca.pem", "cert.pem", "key.pem", "revoked.txt"])
+@pytest.mark.parametrize("name", ["ca.pem", "cert.pem", "key.pem", "members.txt", "revoked.txt"])
 def test_a_missing_file_is_named(bundled, name):
     folder = bundled(WORLD)
     (folder / name).unlink()
@@ -315,6 +333,7 @@ def test_a_missing_folder_is_named(tmp_path):
         ("cert.pem", "no certificate in PEM form"),
         ("key.pem", "no private key"),
         ("revoked.txt", "'nothing' names nobody"),
+        ("members.txt", "'nothing' names nobody"),
     ],
 )
 def test_a_damaged_file_is_named(bundled, name, says):
@@ -351,17 +370,51 @@ def test_the_index_holds_every_certificate_by_its_serial_number(ca, bundled):
 # --- what the start of a process asks for
 
 
-def test_a_router_denies_everything_to_those_on_its_list_and_nothing_without_one(ca, bundled):
-    settings = read_certificate(bundled(WORLD)).router_settings()
-    assert settings["transport/link/protocols"] == ["tls"]
-    assert not any(key.startswith("access_control") for key in settings)
-    ca.issue(ROBOT)
+def rules(settings, subject):
+    """Return the keys that the router of these settings allows one with this subject, by (flow, message)."""
+    (policy,) = [one for one in settings["access_control/policies"] if one["subjects"] == [subject]]
+    allowed = {}
+    for rule in settings["access_control/rules"]:
+        if rule["id"] in policy["rules"]:
+            assert rule["permission"] == "allow"
+            assert len(rule["messages"]) == len(rule["flows"]) == 1
+            allowed.setdefault((rule["flows"][0], rule["messages"][0]), set()).update(rule["key_exprs"])
+    return allowed
+
+
+def test_a_router_lets_members_do_what_their_role_may_and_denies_all_else(ca, bundled):
+    for who in (ROBOT, holder("robot", "1-2"), holder("viewer", "x")):
+        ca.issue(who)
     ca.revoke(ROBOT)
     settings = read_certificate(bundled(WORLD)).router_settings()
+    assert settings["transport/link/protocols"] == ["tls"]
     assert settings["access_control/enabled"] is True
-    assert settings["access_control/subjects"] == [{"id": "revoked", "cert_common_names": ["robot/4"]}]
-    (rule,) = settings["access_control/rules"]
-    assert (rule["permission"], rule["key_exprs"], rule["flows"]) == ("deny", ["**"], ["ingress", "egress"])
+    assert settings["access_control/default_permission"] == "deny"
+    subjects = [one["cert_common_names"] for one in settings["access_control/subjects"]]
+    others = [["robot/1-2"], ["robot/1-2#2"], ["robot/4#2"], ["viewer/x"], ["viewer/x#2"]]
+    assert subjects == [*others, ["world"], ["world#2"]]
+    pair = rules(settings, "robot/1-2")
+    drives = {key for key in pair["ingress", "put"] if key.endswith("/act")}
+    assert drives == {"rmr/*/body/1/act", "rmr/*/body/2/act"}
+    assert "rmr/*/body/4/act" in rules(settings, "robot/4#2")["ingress", "put"]
+    # What the world listens to is told as a whole, or robots would never send.
+    assert "rmr/*/body/*/act" in pair["egress", "declare_subscriber"]
+    assert rules(settings, "viewer/x")["ingress", "put"] == {"rmr/*/echo/viewer/0/*"}
+
+
+def test_whom_the_list_of_a_listener_revokes_is_no_member_of_it(ca, bundled):
+    ca.issue(ROBOT)
+    folder = bundled(WORLD)
+    (folder / "revoked.txt").write_text("robot/4\n")
+    settings = read_certificate(folder).router_settings()
+    assert ["robot/4"] not in [one["cert_common_names"] for one in settings["access_control/subjects"]]
+
+
+def test_a_world_has_the_rights_of_a_router_only_where_a_router_joins_it(bundled):
+    """It may be one that listens, and carries messages between hosts."""
+    listener = read_certificate(bundled(WORLD))
+    assert rules(listener.router_settings(joins=True), "world")["ingress", "put"] == {"rmr/**"}
+    assert "rmr/**" not in rules(listener.router_settings(), "world")["ingress", "put"]
 
 
 def test_settings_name_files_of_the_folder_and_hold_no_key(bundled):

@@ -72,8 +72,10 @@ def test_a_zenoh_router_with_the_configuration_of_keys_joins_ours_and_lets_a_rev
     ca.issue(holder("robot", "3"))
     write_bundle(ca.bundle(holder("robot", "3")), tmp_path / "3")
     ca.revoke(holder("robot", "3"))
-    for who in (holder("router", "b"), holder("robot", "1"), holder("robot", "2")):
+    others = holder("router", "b"), holder("robot", "1"), holder("operator", "2")
+    for who in others:
         ca.issue(who)
+    for who in others:
         write_bundle(ca.bundle(who), tmp_path / who.name)
     router, *robots = (read_certificate(tmp_path / name) for name in "b123")
 

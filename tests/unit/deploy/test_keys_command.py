@@ -50,6 +50,13 @@ def test_issuing_again_says_that_the_one_before_is_still_valid(keys):
     assert "the one before is valid, too, until it expires" in keys("issue", "--world").stdout
 
 
+def test_issuing_to_somebody_new_says_which_bundles_have_to_name_them(keys):
+    hint = "may do nothing yet: write the bundles of router/a, world anew, and restart whichever of them listens"
+    assert "may do nothing yet" not in keys("issue", "--world", "--router", "a", "--robot", "1").stdout
+    assert f"operator/ann, robot/2 {hint}" in keys("issue", "--robot", "1", "--robot", "2", "--operator", "ann").stdout
+    assert "may do nothing yet" not in keys("issue", "--robot", "2").stdout
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

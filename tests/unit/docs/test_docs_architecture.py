@@ -85,6 +85,7 @@ def bus_keys():
         keys.stop("WHO"),
         keys.load("ID"),
         keys.alive("ROLE", "ID"),
+        keys.echo("ROLE", "ID", "TOKEN"),
     }
 
 
