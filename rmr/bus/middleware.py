@@ -7,7 +7,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Final
 
 import zenoh
@@ -17,6 +17,7 @@ from rmr.bus import admission
 from rmr.bus.certificates import LISTENERS, Certificate, Credentials
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem, is_tls
 from rmr.bus.keys import ANY_LAB, Keys
+from rmr.bus.rights import RIGHTS
 from rmr.bus.secret import Secret
 
 POOLS_VARIABLE = "ZENOH_RUNTIME"
@@ -172,13 +173,9 @@ def open_client(connect: str, secret: Credentials | None) -> Any:
             refusal = admission.refusal(connect, secret)
             explained = explained if refusal is None else NotAdmittedError(refusal)
         raise explained from None
-    if isinstance(secret, Certificate) and not _echoes(session, connect, secret):
+    if isinstance(secret, Certificate) and (denied := _denied(session, connect, secret)):
         session.close()
-        raise NotAdmittedError(
-            f"{connect} lets {secret.holder} in, but carries nothing of it: its certificate is revoked there, or its "
-            "holder was not known yet when the keys of what listens were bundled; issue it anew with rmr keys issue, "
-            "or bundle those anew and restart what listens"
-        )
+        raise NotAdmittedError(f"{connect} lets {secret.holder} in, but {denied}")
     if isinstance(secret, Secret) and not any(secret.is_known_to(str(router)) for router in session.info.routers_zid()):
         session.close()
         raise NotAdmittedError(admission.impostor(connect, secret))
@@ -192,26 +189,48 @@ def _check_keys(endpoint: str, credentials: Credentials | None) -> None:
         raise BusError(f"{endpoint} {needs}: name an endpoint tls/HOST:PORT and --keys DIR, or neither")
 
 
-def _echoes(session: Any, connect: str, certificate: Certificate) -> bool:
-    """Return whether the router at `connect` carries what `session` says to another session of the same process.
+def _denied(session: Any, connect: str, certificate: Certificate) -> str:
+    """Return what the router at `connect` does not carry of what the holder may say, and what to do; else nothing.
 
-    It is said under the own role, for each robot that the process may be: a router that lets it do nothing does not say
-    so. Takes `ECHO_S` at most.
+    A router that lets a process do less than its role may does not say so. So the process says something to a session
+    of its own, under its role, for each robot that it may be; if that does not come, under other roles, too. Takes
+    `ECHO_S` at most.
     """
     try:
         other = _open(_client_settings(connect, certificate))
     except zenoh.ZError:
-        return True  # the router has gone meanwhile: nothing is known, and the session sees that, too
+        return ""  # the router has gone meanwhile: nothing is known, and the session sees that, too
     role, token = certificate.holder.role, secrets.token_hex(8)
-    keys = {Keys(ANY_LAB).echo(role, robot, token) for robot in certificate.holder.robots or (0,)}
+
+    def echoes(*roles: str) -> dict[str, str]:
+        who = [(each, robot) for each in roles for robot in certificate.holder.robots * (each == "robot") or (0,)]
+        return {Keys(ANY_LAB).echo(*each, token): f"{each[0]}/{each[1]}".removesuffix("/0") for each in who}
+
+    own = echoes(role)
     try:
-        return _heard(session, other, keys, ECHO_S) == keys
+        heard = _heard(session, other, own, own, ECHO_S / 3)
+        if heard >= own.keys():
+            return ""
+        every = own | echoes(*(each for each in RIGHTS if each != role))
+        heard |= _heard(session, other, every, own, ECHO_S * 2 / 3)
     finally:
         other.close()
+    if heard >= own.keys():
+        return ""
+    if not heard:
+        return (
+            "carries nothing of it: its certificate is revoked there, or its holder was not known yet when the keys of "
+            "what listens were bundled; issue it anew with rmr keys issue, or bundle those anew and restart that"
+        )
+    rights = ", ".join(who for key, who in every.items() if key in heard)
+    return (
+        f"it may not act in this lab; its rights are those of {rights}: start what listens with the version of rmr "
+        "that this process has, and a zenohd with what rmr router config prints"
+    )
 
 
-def _heard(speaker: Any, listener: Any, keys: set[str], limit_s: float) -> set[str]:
-    """Return on which of `keys` the session `listener` hears `speaker` within the limit."""
+def _heard(speaker: Any, listener: Any, keys: Collection[str], enough: Collection[str], limit_s: float) -> set[str]:
+    """Return on which of `keys` the session `listener` hears `speaker`, until it has `enough` or the limit is over."""
     heard: set[str] = set()
     came = threading.Event()
 
@@ -221,8 +240,8 @@ def _heard(speaker: Any, listener: Any, keys: set[str], limit_s: float) -> set[s
 
     ears = [listener.declare_subscriber(key, Callback(hear, indirect=False)) for key in keys]
     end_s = time.monotonic() + limit_s
-    while heard < keys and time.monotonic() < end_s:
-        for key in keys - heard:
+    while not heard.issuperset(enough) and time.monotonic() < end_s:
+        for key in set(keys) - heard:
             speaker.put(key, b"")  # again: the router may have heard of the subscriber since
         came.wait(ECHO_PAUSE_S)
         came.clear()

@@ -285,6 +285,21 @@ def test_who_was_issued_keys_after_the_bundle_of_a_router_is_told(lab):
     router.wait_for("operator/eve is connected and not in members.txt: nothing of it is carried")
 
 
+def test_a_process_with_less_rights_than_its_role_ends_with_one_sentence(lab):
+    """A zenohd, say, whose rules somebody has changed: all may do what a viewer may."""
+    settings = router_settings(lab.stage.endpoint, (), read_certificate(lab.keys("router/127.0.0.1")))
+    rules = [rule["id"] for rule in settings["access_control/rules"] if rule["id"].startswith("viewer/")]
+    policies = [one | {"rules": rules} for one in settings["access_control/policies"]]
+    config = zenoh.Config()
+    for key, value in (settings | {"access_control/policies": policies}).items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config):
+        where = ("--connect", lab.stage.endpoint, "--keys")
+        for who, words in (("operator/ann", ("rmr_deploy.fault", "list")), ("robot/1", agent(lab))):
+            said = lab.refused(*words, *where, lab.keys(who))
+            assert f"lets {who} in, but it may not act in this lab; its rights are those of viewer: " in said
+
+
 def test_a_router_that_has_not_the_new_list_still_carries_the_revoked(lab):
     """The limit that the page tells: the list is read when the router starts."""
     router = lab.router()

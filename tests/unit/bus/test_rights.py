@@ -17,7 +17,7 @@ from zenoh.handlers import Callback
 from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.certificates import ROLES, read_certificate
 from rmr.bus.keys import OPERATOR, ROBOT_ROLE, WORLD, Keys
-from rmr.bus.middleware import _client_settings, _open, router_settings
+from rmr.bus.middleware import NotAdmittedError, _client_settings, _open, open_client, router_settings
 from rmr.bus.rights import RIGHTS, VERBS
 
 pytestmark = pytest.mark.medium
@@ -339,6 +339,52 @@ def test_who_is_not_among_the_members_has_no_rights(lab):
             time.sleep(0.01)
         mark.wait()
     assert {key for key in got if not key.endswith("/mark")} == set()
+
+
+# --- admission
+
+
+@pytest.mark.parametrize("who", [*HOLDERS.values(), "robot/3-4"])
+def test_a_process_with_all_rights_of_its_role_is_let_in(lab, who):
+    open_client(lab.router(), lab.keys(who)).close()
+
+
+def acting_as(subject, *parts):
+    """Return the change of a router's settings that lets `subject` do what the rules for `parts` allow, and no more."""
+
+    def changed(settings):
+        ids = [rule["id"] for rule in settings["access_control/rules"] if rule["id"].split(" ")[0] in parts]
+        assert ids
+        policies = [
+            one | {"rules": ids} if one["subjects"] == [subject] else one for one in settings["access_control/policies"]
+        ]
+        return settings | {"access_control/policies": policies}
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("who", "parts", "rights"),
+    [
+        ("operator/ann", ["viewer/0"], "viewer"),
+        ("world", ["operator/0"], "operator"),
+        ("robot/3-4", ["robot/3"], "robot/3"),
+        ("robot/1", ["viewer/0"], "viewer"),
+        ("viewer/bob", ["world/0", "operator/0"], "world, operator"),
+    ],
+)
+def test_a_process_that_may_do_less_than_its_role_is_told_whose_rights_it_has(lab, who, parts, rights):
+    endpoint = lab.router(changed=acting_as(who, *parts))
+    with pytest.raises(NotAdmittedError) as refused:
+        open_client(endpoint, lab.keys(who))
+    said = f"{endpoint} lets {who} in, but it may not act in this lab; its rights are those of {rights}: start what"
+    assert str(refused.value).startswith(said)
+
+
+def test_a_process_that_may_do_nothing_is_told_that(lab):
+    endpoint = lab.router(changed=acting_as("viewer/bob", "robot/2"))
+    with pytest.raises(NotAdmittedError, match="lets viewer/bob in, but carries nothing of it: its certificate is"):
+        open_client(endpoint, lab.keys("viewer/bob"))
 
 
 # --- several routers
