@@ -18,11 +18,15 @@ from zenoh.handlers import Callback
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
+from rmr.bus.keys import WORLD
 from rmr.bus.losses import Losses
 from rmr.bus.message_parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
 """Limit for closing the session: zenoh waits for its router while it reconnects, but the process must end."""
+
+OWN_KEYS: Final = ("/act", "/status")
+"""Ends of the keys on which a robot, or the world, speaks for itself alone."""
 
 Handler = Callable[[str, wire.Envelope], None]
 """Takes a key and the message that came on it."""
@@ -117,6 +121,7 @@ class Line:
             losses = listeners[0].owner.losses
             try:
                 message = wire.decode(data)
+                check_sender(key, message.sender)
                 losses.note(key, message, arrived)
                 if isinstance(message.body, wire.Part):
                     patient = [listener for listener in listeners if listener.whole]
@@ -171,6 +176,15 @@ class Line:
                 for thread in self._leaving[:-1]:
                     thread.join()
                 self.session.close()
+
+
+def check_sender(key: str, sender: int) -> None:
+    """Raise MalformedError for a message of another sender than the robot, or world, whose key it came on.
+
+    Routers hold a process with keys to the keys of its robots, but do not read what it says there.
+    """
+    if key.endswith(OWN_KEYS) and key.split("/")[-2] != (WORLD if sender == wire.WORLD_ID else str(sender)):
+        raise MalformedError("not of the sender whose key it came on")
 
 
 def hand_on(listeners: tuple[Listener, ...], key: str, message: wire.Envelope) -> None:

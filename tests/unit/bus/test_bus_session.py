@@ -146,6 +146,31 @@ def test_unanswered_query_times_out():
     on_a_star(scene, clients=1)
 
 
+@pytest.mark.parametrize(
+    ("key", "own", "forged"),
+    [
+        ("rmr/x/body/1/act", 1, 2),
+        ("rmr/x/ops/1/status", 1, 2),
+        ("rmr/x/ops/1/status", 1, wire.WORLD_ID),
+        ("rmr/x/ops/world/status", wire.WORLD_ID, 1),
+    ],
+)
+def test_what_a_robot_says_on_its_own_key_in_the_name_of_another_is_counted_and_dropped(key, own, forged):
+    """A router holds a robot with keys to its own keys of the bus, but does not read who it claims to be there."""
+
+    async def scene(router, one):
+        heard = []
+        router.subscribe("/".join([*key.split("/")[:3], "*", key.split("/")[4]]), lambda _, said: heard.append(said))
+        raw = one._session
+        say = {who: wire.encode(who, 7, 1, wire.Stop("")) for who in (own, forged)}
+        await until(lambda: raw.put(key, say[forged]) or router.losses.malformed)
+        assert router.losses.malformed_last == "not of the sender whose key it came on"
+        await until(lambda: raw.put(key, say[own]) or heard)
+        assert {message.sender for message in heard} == {own}
+
+    on_a_star(scene, clients=1)
+
+
 def test_malformed_message_or_query_is_counted_and_dropped():
     async def scene(router, one):
         heard = []
