@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from rmr.bus import wire
-from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, Keys
+from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, Keys
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.process_recorder import ProcessRecorder
@@ -218,7 +218,7 @@ class HostedRobot:
             send = Outlets(
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
-                lambda body: self._bus.publish(self._keys.load(OPERATOR), body),
+                lambda body: self._bus.publish(self._keys.answers(self._robot), body),
             )
             handlers = fresh()
             # The log of a mind begins with its program: a robot that has waited for one is not recorded.

@@ -16,7 +16,7 @@ from rmr.base.errors import ProgramError
 from rmr.base.ids import spelled
 from rmr.base.time import NS_PER_S, Duration, Instant
 from rmr.bus import wire
-from rmr.bus.keys import ANY_LAB, OPERATOR, ROBOT_ROLE, Keys, last_id
+from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, Keys, last_id
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr.load.load_coordinator import LoadCoordinator
@@ -174,7 +174,7 @@ async def _over_bus(bus: Bus, keys: Keys, coordinator: LoadCoordinator, now: Cal
             coordinator.received(now(), message.body.payload, message.sender)
             stir.set()
 
-    withdraw = bus.subscribe(keys.load(OPERATOR), take)
+    withdraw = bus.subscribe(keys.answers("*"), take)
     try:
         coordinator.start(now())
         while coordinator.result is None:
@@ -225,7 +225,7 @@ async def _over_radio(
         if isinstance(message.body, wire.LoadOutcome) and message.sender == by and not told.done():
             told.set_result(message.body)
 
-    withdraw = bus.subscribe(keys.load(OPERATOR), take)
+    withdraw = bus.subscribe(keys.answers("*"), take)
     try:
         bus.publish(keys.load(by), wire.LoadOrder(program.octets, tuple(robots), named, dry))
         answer = await asyncio.wait_for(told, RADIO_S)

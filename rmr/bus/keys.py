@@ -11,7 +11,8 @@
     rmr/{lab}/truth               world: ground truth of all poses, for operators
     rmr/{lab}/ops/{who}/status    status of a robot or the world
     rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
-    rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments; ``operator``: the answers
+    rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments
+    rmr/{lab}/load/operator/{id}  robot -> operator: the answers
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
     rmr/{lab}/echo/{role}/{id}/{token}   of a process to itself: does its router carry what its role may say?
 
@@ -112,9 +113,13 @@ class Keys:
         """Return the key of requests to a robot or the world to stop."""
         return f"rmr/{self.lab}/ops/{who}/stop"
 
-    def load(self, who: int | str) -> str:
-        """Return the key of what a robot, or the ``operator``, is told about new programs."""
-        return f"rmr/{self.lab}/load/{who}"
+    def load(self, robot: int) -> str:
+        """Return the key of what a robot is told about new programs."""
+        return f"rmr/{self.lab}/load/{robot}"
+
+    def answers(self, robot: int | str) -> str:
+        """Return the key of what a robot (``*``: any) answers to that."""
+        return f"rmr/{self.lab}/load/{OPERATOR}/{robot}"
 
     def echo(self, role: str, ident: int | str, token: str) -> str:
         """Return the key of what a process with keys says to itself; `ident` is 0 but for robots."""
@@ -128,6 +133,14 @@ class Keys:
     def alive(self, role: str, ident: int | str) -> str:
         """Return the key of a liveliness token; ``*`` for any."""
         return f"rmr/{self.lab}/alive/{role}/{ident}"
+
+
+def sender_place(key: str) -> int:
+    """Return where the keys of a topic name who alone speaks on them, as a place from the end; 0: nowhere."""
+    chunks = key.split("/")
+    if chunks[-1] in {"act", "status"}:
+        return -2
+    return -1 if chunks[2:4] == ["load", OPERATOR] else 0
 
 
 def last_id(key: str) -> int | None:

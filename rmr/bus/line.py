@@ -18,15 +18,12 @@ from zenoh.handlers import Callback
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
-from rmr.bus.keys import WORLD
+from rmr.bus.keys import WORLD, sender_place
 from rmr.bus.losses import Losses
 from rmr.bus.message_parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
 """Limit for closing the session: zenoh waits for its router while it reconnects, but the process must end."""
-
-OWN_KEYS: Final = ("/act", "/status")
-"""Ends of the keys on which a robot, or the world, speaks for itself alone."""
 
 Handler = Callable[[str, wire.Envelope], None]
 """Takes a key and the message that came on it."""
@@ -83,7 +80,7 @@ class Line:
         subscriber, listeners = self._topics.get(key, (None, []))
         listeners.append(listener)
         if subscriber is None:
-            callback = Callback(self._subscribed(self._taker(listeners)), indirect=False)
+            callback = Callback(self._subscribed(self._taker(key, listeners)), indirect=False)
             subscriber = self.session.declare_subscriber(key, callback, allowed_origin=zenoh.Locality.REMOTE)
             self._topics[key] = subscriber, listeners
 
@@ -109,7 +106,8 @@ class Line:
 
         return called
 
-    def _taker(self, listeners: list[Listener]) -> Take:
+    def _taker(self, topic: str, listeners: list[Listener]) -> Take:
+        place = sender_place(topic)
         unfinished = self._unfinished
 
         def take(item: tuple[Any, bytes], arrived: int) -> None:
@@ -121,7 +119,8 @@ class Line:
             losses = listeners[0].owner.losses
             try:
                 message = wire.decode(data)
-                check_sender(key, message.sender)
+                if place:
+                    check_sender(key, place, message.sender)
                 losses.note(key, message, arrived)
                 if isinstance(message.body, wire.Part):
                     patient = [listener for listener in listeners if listener.whole]
@@ -178,12 +177,12 @@ class Line:
                 self.session.close()
 
 
-def check_sender(key: str, sender: int) -> None:
-    """Raise MalformedError for a message of another sender than the robot, or world, whose key it came on.
+def check_sender(key: str, place: int, sender: int) -> None:
+    """Raise MalformedError for a message of another sender than the robot, or world, that its key names at `place`.
 
     Routers hold a process with keys to the keys of its robots, but do not read what it says there.
     """
-    if key.endswith(OWN_KEYS) and key.split("/")[-2] != (WORLD if sender == wire.WORLD_ID else str(sender)):
+    if key.split("/")[place] != (WORLD if sender == wire.WORLD_ID else str(sender)):
         raise MalformedError("not of the sender whose key it came on")
 
 

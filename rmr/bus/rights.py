@@ -10,7 +10,7 @@ from typing import Any, Final
 
 RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "robot": {
-        "puts": ("radio/*/*", "call/*", "body/{n}/act", "ops/{n}/status", "load/operator", "echo/robot/{n}/*"),
+        "puts": ("radio/*/*", "call/*", "body/{n}/act", "ops/{n}/status", "load/operator/{n}", "echo/robot/{n}/*"),
         "hears": (
             *("radio/*/*", "call/{n}", "body/{n}/sense", "clock", "disturbances"),
             *("ops/{n}/stop", "load/{n}", "echo/robot/{n}/*"),
@@ -31,7 +31,7 @@ RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "router": dict.fromkeys(("puts", "hears", "asks", "serves", "lives", "watches"), ("**",)),
     "operator": {
         "puts": ("silence", "ops/*/stop", "load/*", "echo/operator/0/*"),
-        "hears": ("truth", "ops/*/status", "load/operator", "echo/operator/0/*"),
+        "hears": ("truth", "ops/*/status", "load/operator/*", "echo/operator/0/*"),
         "asks": ("disturbances",),
         "watches": ("alive/robot/*", "alive/world/0"),
     },

@@ -16,7 +16,7 @@ from zenoh.handlers import Callback
 
 from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.certificates import ROLES, read_certificate
-from rmr.bus.keys import OPERATOR, ROBOT_ROLE, WORLD, Keys
+from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys
 from rmr.bus.middleware import NotAdmittedError, _client_settings, _open, open_client, router_settings
 from rmr.bus.rights import RIGHTS, VERBS
 
@@ -30,7 +30,16 @@ HOLDERS = {"robot": "robot/1", "world": "world", "router": ROUTER, "operator": "
 KEYS = (
     *("radio/0/-1", "call/1", "call/2", "body/1/sense", "body/2/sense", "body/1/act", "body/2/act", "clock", "map"),
     *("disturbances", "silence", "truth", "ops/1/status", "ops/2/status", "ops/world/status", "ops/1/stop"),
-    *("ops/2/stop", "ops/world/stop", "load/1", "load/2", "load/operator", "alive/robot/1", "alive/robot/2"),
+    *(
+        "ops/2/stop",
+        "ops/world/stop",
+        "load/1",
+        "load/2",
+        "load/operator/1",
+        "load/operator/2",
+        "alive/robot/1",
+        "alive/robot/2",
+    ),
     *("alive/world/0", "echo/robot/1/x", "echo/robot/2/x", "echo/world/0/x", "echo/operator/0/x", "echo/viewer/0/x"),
     *("alive/robot", "body/1", "other", "ops/1/status/more"),
 )
@@ -42,7 +51,7 @@ USED = [
     for key in (
         *(_OF.radio(0, 0), _OF.call(1), _OF.sense(1), _OF.act(1), _OF.acts, _OF.clock, _OF.map, _OF.disturbances),
         *(_OF.silence, _OF.truth, _OF.status(1), _OF.status(WORLD), _OF.statuses, _OF.stop(1), _OF.stop(WORLD)),
-        *(_OF.load(1), _OF.load(OPERATOR), _OF.alive(ROBOT_ROLE, 1), _OF.alive(ROBOT_ROLE, "*"), _OF.world_alive),
+        *(_OF.load(1), _OF.answers(1), _OF.alive(ROBOT_ROLE, 1), _OF.alive(ROBOT_ROLE, "*"), _OF.world_alive),
         *(_OF.echo(role, 1 if role == "robot" else 0, "x") for role in ROLES if role != "router"),
     )
 ]

@@ -87,7 +87,7 @@ class Process:
         sample = SimpleNamespace(key_expr=key, kind=zenoh.SampleKind.PUT)
         for expression, (_, listeners) in list(self.bus._line._topics.items()):
             if zenoh.KeyExpr(expression).intersects(zenoh.KeyExpr(key)):
-                self.bus._line._taker(listeners)((sample, data), 0)
+                self.bus._line._taker(expression, listeners)((sample, data), 0)
 
 
 def world(process: Process) -> WorldServer:

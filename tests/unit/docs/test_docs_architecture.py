@@ -84,6 +84,7 @@ def bus_keys():
         keys.status("WHO"),
         keys.stop("WHO"),
         keys.load("ID"),
+        keys.answers("ID"),
         keys.alive("ROLE", "ID"),
         keys.echo("ROLE", "ID", "TOKEN"),
     }
