@@ -166,10 +166,11 @@ class Forger:
     def request(self) -> tuple[str, wire.Message]:
         """Return a key and a request on it."""
         rng = self._rng
+        robot = rng.choice((*ROBOTS, 9))
         wish = rng.choice([("list", None), ("clear", None), ("add", Disturbance(0, NS_PER_S // 2, loss=rng.random()))])
         return rng.choice(
             [
-                (KEYS.map, wire.AskMap(rng.choice((*ROBOTS, 9)), self._count())),
+                (KEYS.map(robot), wire.AskMap(robot, self._count())),
                 (KEYS.clock, wire.AskClock()),
                 (KEYS.disturbances, wire.AskDisturbances(*wish)),
             ]
@@ -238,7 +239,10 @@ class Stage:
                 wire.decode(data)  # it is within its type
                 put(key, data)
             if number % (4 * AT_ONCE) == 0:
-                await self.forger.ask(*forger.request(), 0.2)
+                key, asked = forger.request()
+                seat = self.forger.seat(asked.robot if isinstance(asked, wire.AskMap) else wire.OPERATOR_ID)
+                await seat.ask(key, asked, 0.2)
+                seat.close()
             if number % (20 * AT_ONCE) == 0:
                 for robot in self.robots.values():
                     robot._rejoin.set()
@@ -254,7 +258,7 @@ class Stage:
             self.answered[type(message.body).__name__] += 1
             return forger.answer(self.world._map, message.body)
 
-        for key in (KEYS.map, KEYS.clock, KEYS.disturbances):
+        for key in (KEYS.map("*"), KEYS.clock, KEYS.disturbances):
             self.rival.serve(key, answer)
 
     def said(self) -> list[tuple[int, wire.Status | None]]:

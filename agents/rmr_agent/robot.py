@@ -151,7 +151,7 @@ class HostedRobot:
         """
         patience_s = time.monotonic() + TAKEN_PATIENCE_S
         while True:
-            replies = await self._bus.ask(self._keys.map, wire.AskMap(self._robot, self._token), ASK_S)
+            replies = await self._bus.ask(self._keys.map(self._robot), wire.AskMap(self._robot, self._token), ASK_S)
             maps = [(envelope, envelope.body) for envelope, _ in replies if isinstance(envelope.body, wire.Map)]
             maps = [answer for answer in maps if self._keys.lab in (ANY_LAB, answer[1].lab)]
             maps = [answer for answer in maps if answer[0].run == self._world] or maps

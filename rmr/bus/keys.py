@@ -5,7 +5,7 @@
     rmr/{lab}/body/{id}/sense     world -> robot: sensor samples
     rmr/{lab}/body/{id}/act       robot -> world: its wheel command
     rmr/{lab}/clock               world: answers requests for lab time; publishes its start, stop and jumps
-    rmr/{lab}/map                 world: answers a new robot with the map and admits it
+    rmr/{lab}/map/{id}            world: answers a new robot with the map and admits it
     rmr/{lab}/disturbances        world: publishes changed disturbances of the radio; takes operators' requests
     rmr/{lab}/silence             request to the world: a robot hears no beacon for a while
     rmr/{lab}/truth               world: ground truth of all poses, for operators
@@ -80,10 +80,9 @@ class Keys:
         """Key of lab time."""
         return f"rmr/{self.lab}/clock"
 
-    @property
-    def map(self) -> str:
-        """Key of the map: all that a robot must know of its lab."""
-        return f"rmr/{self.lab}/map"
+    def map(self, robot: int | str) -> str:
+        """Return the key on which a robot (``*``: any) asks for the map: all that it must know of its lab."""
+        return f"rmr/{self.lab}/map/{robot}"
 
     @property
     def disturbances(self) -> str:
@@ -140,7 +139,7 @@ def sender_place(key: str) -> int:
     chunks = key.split("/")
     if chunks[-1] in {"act", "status"}:
         return -2
-    return -1 if chunks[2:4] == ["load", OPERATOR] else 0
+    return -1 if chunks[2:3] == ["map"] or chunks[2:4] == ["load", OPERATOR] else 0
 
 
 def last_id(key: str) -> int | None:

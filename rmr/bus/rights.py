@@ -15,7 +15,7 @@ RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
             *("radio/*/*", "call/{n}", "body/{n}/sense", "clock", "disturbances"),
             *("ops/{n}/stop", "load/{n}", "echo/robot/{n}/*"),
         ),
-        "asks": ("map", "clock"),
+        "asks": ("map/{n}", "clock"),
         "lives": ("alive/robot/{n}",),
         "watches": ("alive/world/0",),
     },
@@ -23,7 +23,7 @@ RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
         "puts": ("body/*/sense", "clock", "disturbances", "truth", "ops/world/status", "echo/world/0/*"),
         "hears": ("body/*/act", "silence", "ops/*/status", "ops/world/stop", "echo/world/0/*"),
         "asks": ("clock", "disturbances"),  # whether another world is there
-        "serves": ("clock", "map", "disturbances"),
+        "serves": ("clock", "map/*", "disturbances"),
         "lives": ("alive/world/0",),
         "watches": ("alive/robot/*",),
     },

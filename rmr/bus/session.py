@@ -30,7 +30,8 @@ from rmr.bus import wire
 from rmr.bus.certificates import Certificate, Credentials
 from rmr.bus.checks import MalformedError
 from rmr.bus.endpoint import BusError
-from rmr.bus.line import Handler, Line, Listener
+from rmr.bus.keys import sender_place
+from rmr.bus.line import Handler, Line, Listener, check_sender
 from rmr.bus.losses import Losses
 from rmr.bus.message_parts import cut
 from rmr.bus.middleware import (
@@ -237,9 +238,12 @@ class Bus:
         if key in self._publishers and not self._closed:
             self._publishers.pop(key).undeclare()
 
-    def _decode(self, payload: Any) -> wire.Envelope | None:
+    def _decode(self, payload: Any, key: str = "", place: int = 0) -> wire.Envelope | None:
+        """Return the message in `payload`; None if it is none, or not of the sender that `key` names at `place`."""
         try:
             message = wire.decode(payload.to_bytes())
+            if place:
+                check_sender(key, place, message.sender)
         except MalformedError as error:
             self.losses.drop(error)
             return None
@@ -271,13 +275,16 @@ class Bus:
         return withdraw
 
     def serve(self, key: str, answer: Answer) -> None:
-        """Reply to queries on `key` with what `answer` returns."""
+        """Reply to queries on `key` with what `answer` returns; one that ends with a wild card, under what is asked."""
+        place = sender_place(key)
 
         def take(query: Any, arrived: int) -> None:
-            message = None if self._closed or query.payload is None else self._decode(query.payload)
+            asked = str(query.key_expr)
+            message = None if self._closed or query.payload is None else self._decode(query.payload, asked, place)
             reply = None if message is None else answer(message, arrived)
             if reply is not None:
-                query.reply(key, wire.encode(*self._envelope(f"{key}?", reply)))
+                own = key.removesuffix("*") + asked.rpartition("/")[2] if key.endswith("/*") else key
+                query.reply(own, wire.encode(*self._envelope(f"{own}?", reply)))
             query.drop()
 
         self._declared.append(self._session.declare_queryable(key, self._line.callback(take), complete=True))

@@ -96,7 +96,7 @@ def attack(session):
         session.put(KEYS.stop(WORLD), wire.encode(wire.OPERATOR_ID, 1, 1, wire.Stop("forged")))
         time.sleep(0.05)  # statuses of the true robots are due meanwhile
     question = wire.encode(1, 1, 1, wire.AskMap(1, 1))
-    answers = list(session.get(KEYS.map, payload=question, timeout=0.5))
+    answers = list(session.get(KEYS.map(1), payload=question, timeout=0.5))
     alive = list(session.liveliness().get("rmr/**", timeout=0.5))
     subscriber.undeclare()
     return heard, answers, alive

@@ -168,7 +168,7 @@ class WorldServer:
         bus.subscribe(keys.statuses, self._on_status)
         bus.subscribe(keys.stop(WORLD), self._on_stop)
         bus.subscribe(keys.silence, self._on_silence)
-        bus.serve(keys.map, self._answer_map)
+        bus.serve(keys.map("*"), self._answer_map)
         bus.serve(keys.clock, self._answer_clock)
         bus.serve(keys.disturbances, self._answer_disturbances)
         bus.watch_alive(keys.alive(ROBOT_ROLE, "*"), self._on_alive)
@@ -193,7 +193,7 @@ class WorldServer:
     # -- requests ---------------------------------------------------------------------------------------------
 
     def _answer_map(self, message: wire.Envelope, _arrived: int) -> wire.Message | None:
-        if not isinstance(message.body, wire.AskMap):
+        if not isinstance(message.body, wire.AskMap) or message.body.robot != message.sender:
             return None
         robot, token = message.body
         known = self._map._replace(clock=self._time.state, disturbances=self._disturbances.held)

@@ -19,7 +19,7 @@ def all_keys(keys):
         keys.act(65533),
         keys.acts,
         keys.clock,
-        keys.map,
+        keys.map(4),
         keys.disturbances,
         keys.truth,
         keys.status(4),
@@ -43,7 +43,7 @@ def test_no_two_keys_are_the_same():
 
 
 def test_any_lab_matches_the_keys_of_every_lab():
-    assert zenoh.KeyExpr(Keys(ANY_LAB).map).intersects(zenoh.KeyExpr(KEYS.map))
+    assert zenoh.KeyExpr(Keys(ANY_LAB).map(4)).intersects(zenoh.KeyExpr(KEYS.map(4)))
 
 
 def test_one_subscription_matches_all_wheel_commands_and_all_statuses():

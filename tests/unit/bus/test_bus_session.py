@@ -132,16 +132,16 @@ def test_query_gets_a_reply_with_arrival_time_from_every_server():
 def test_query_without_server_returns_no_replies_at_once():
     async def scene(_router, one):
         async with asyncio.timeout(60.0):
-            assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 3600.0) == []
+            assert await one.ask("rmr/x/map/1", wire.AskMap(1, 1), 3600.0) == []
 
     on_a_star(scene, clients=1)
 
 
 def test_unanswered_query_times_out():
     async def scene(router, one):
-        router.serve("rmr/x/map", lambda message, arrived: None)
+        router.serve("rmr/x/map/*", lambda message, arrived: None)
         await asyncio.sleep(0.05)
-        assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 0.2) == []
+        assert await one.ask("rmr/x/map/1", wire.AskMap(1, 1), 0.2) == []
 
     on_a_star(scene, clients=1)
 
@@ -172,11 +172,26 @@ def test_what_a_robot_says_on_its_own_key_in_the_name_of_another_is_counted_and_
     on_a_star(scene, clients=1)
 
 
+def test_who_asks_on_the_key_of_another_gets_no_answer_and_is_counted():
+    async def scene(router, one, two):
+        router.serve("rmr/x/map/*", lambda message, _: wire.Clock("running", message.sender, 0))
+        answers = []
+        while not answers:
+            answers = await two.ask("rmr/*/map/2", wire.AskMap(2, 1), 1.0)
+        assert [envelope.body.arrived for envelope, _ in answers] == [2]
+        for key in ("rmr/x/map/2", "rmr/x/map/*", "rmr/x/**"):
+            assert await one.ask(key, wire.AskMap(2, 1), 0.2) == []
+        assert router.losses.malformed == 3
+        assert router.losses.malformed_last == "not of the sender whose key it came on"
+
+    on_a_star(scene)
+
+
 def test_malformed_message_or_query_is_counted_and_dropped():
     async def scene(router, one):
         heard = []
         router.subscribe("rmr/x/truth", lambda _, message: heard.append(message))
-        router.serve("rmr/x/map", lambda message, arrived: wire.Stop("never"))
+        router.serve("rmr/x/map/*", lambda message, arrived: wire.Stop("never"))
         raw = one._session
 
         def disturb():
@@ -185,7 +200,7 @@ def test_malformed_message_or_query_is_counted_and_dropped():
 
         await until(disturb)
         before = router.losses.malformed
-        raw.get("rmr/x/map", payload=b"noise", timeout=0.2)
+        raw.get("rmr/x/map/1", payload=b"noise", timeout=0.2)
         await until(lambda: router.losses.malformed > before)
         assert heard == []
 

@@ -28,7 +28,18 @@ HOLDERS = {"robot": "robot/1", "world": "world", "router": ROUTER, "operator": "
 """Role -> who plays it here."""
 
 KEYS = (
-    *("radio/0/-1", "call/1", "call/2", "body/1/sense", "body/2/sense", "body/1/act", "body/2/act", "clock", "map"),
+    *(
+        "radio/0/-1",
+        "call/1",
+        "call/2",
+        "body/1/sense",
+        "body/2/sense",
+        "body/1/act",
+        "body/2/act",
+        "clock",
+        "map/1",
+        "map/2",
+    ),
     *("disturbances", "silence", "truth", "ops/1/status", "ops/2/status", "ops/world/status", "ops/1/stop"),
     *(
         "ops/2/stop",
@@ -49,7 +60,7 @@ _OF = Keys("bench")
 USED = [
     key.removeprefix(LAB)
     for key in (
-        *(_OF.radio(0, 0), _OF.call(1), _OF.sense(1), _OF.act(1), _OF.acts, _OF.clock, _OF.map, _OF.disturbances),
+        *(_OF.radio(0, 0), _OF.call(1), _OF.sense(1), _OF.act(1), _OF.acts, _OF.clock, _OF.map(1), _OF.disturbances),
         *(_OF.silence, _OF.truth, _OF.status(1), _OF.status(WORLD), _OF.statuses, _OF.stop(1), _OF.stop(WORLD)),
         *(_OF.load(1), _OF.answers(1), _OF.alive(ROBOT_ROLE, 1), _OF.alive(ROBOT_ROLE, "*"), _OF.world_alive),
         *(_OF.echo(role, 1 if role == "robot" else 0, "x") for role in ROLES if role != "router"),

@@ -77,7 +77,7 @@ def bus_keys():
         keys.sense(0).replace("/0/", "/ID/"),
         keys.act(0).replace("/0/", "/ID/"),
         keys.clock,
-        keys.map,
+        keys.map("ID"),
         keys.disturbances,
         keys.silence,
         keys.truth,

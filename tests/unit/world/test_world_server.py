@@ -113,6 +113,12 @@ def test_disturbances_of_the_operator_are_sent_to_present_and_later_robots():
     assert world.arrives(2).disturbances == cleared
 
 
+def test_who_asks_for_the_place_of_another_robot_gets_no_answer_and_takes_nothing():
+    world = Asked()
+    assert world.server._answer_map(wire.Envelope(2, 1, 1, wire.AskMap(1, 5)), 0) is None
+    assert not world.arrives(1, token=6).taken
+
+
 def test_a_new_process_of_a_robot_is_told_when_the_earlier_one_had_vanished():
     world = Asked()
     assert world.arrives(1).predecessor_ended is None
