@@ -115,8 +115,9 @@ class Forger:
         octets = encode_ack(rng.randrange(256))
         start = max(0, self._lab_now() + round(rng.gauss(0, 10 * NS_PER_S)))
         x, y = rng.uniform(0, 1.5), rng.uniform(0, 1.2)
-        announced = Announcement(rng.choice(ROBOTS), 1, 0, start, start + airtime(len(octets)), 0.0, x, y, octets)
-        return KEYS.call(rng.choice(ROBOTS)), rng.choice(ROBOTS), wire.Handshake(announced)
+        source = rng.choice(ROBOTS)
+        announced = Announcement(source, 1, 0, start, start + airtime(len(octets)), 0.0, x, y, octets)
+        return KEYS.call(rng.choice(ROBOTS)), source, wire.Handshake(announced)
 
     def _clock(self) -> tuple[str, int, wire.Message]:
         news = wire.Clock(self._rng.choice(wire.CLOCK_STATES), self._instant(), self._instant())

@@ -16,8 +16,10 @@ so a robot that crosses the whole floor holds nine at most.
 from collections.abc import Callable
 
 from rmr.bus import wire
+from rmr.bus.checks import MalformedError
 from rmr.bus.keys import Keys
 from rmr.bus.line import Handler
+from rmr.bus.losses import Losses
 from rmr.bus.session import Bus
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell, Grid
@@ -25,11 +27,23 @@ from rmr.radio.frame import DataFrame
 from rmr.radio.receive_filter import decoded
 
 
+def announced(message: wire.Envelope, losses: Losses) -> Announcement | None:
+    """Return what `message` announces; None if nothing, or, which is counted, what another transmitter would send."""
+    if not isinstance(message.body, wire.Air | wire.Handshake):
+        return None
+    announcement = message.body.announcement
+    if announcement.source == message.sender:
+        return announcement
+    losses.drop(MalformedError("a frame of another transmitter than its sender"))
+    return None
+
+
 class LocalAir:
     """One robot's ring of keys."""
 
-    def __init__(self, bus: Bus, keys: Keys, grid: Grid, hear: Handler) -> None:
+    def __init__(self, bus: Bus, keys: Keys, grid: Grid, hear: Handler, robot: int) -> None:
         self._bus = bus
+        self._self, self._any = (str(robot), "*") if bus.keyed else ("", "")
         self._keys = keys
         self._grid = grid
         self._hear = hear
@@ -39,10 +53,10 @@ class LocalAir:
     def publish(self, announcement: Announcement) -> None:
         """Tell all robots whom it may concern, and call the one that must answer."""
         cell = self._grid.cell_of(announcement.x, announcement.y)
-        self._bus.publish(self._keys.radio(*cell), wire.Air(announcement))
+        self._bus.publish(self._keys.radio(*cell, self._self), wire.Air(announcement))
         frame = decoded(announcement.psdu)
         if isinstance(frame, DataFrame) and frame.wants_ack:
-            self._bus.publish(self._keys.call(frame.destination), wire.Handshake(announcement))
+            self._bus.publish(self._keys.call(frame.destination, self._self), wire.Handshake(announcement))
 
     def move(self, x: float, y: float) -> None:
         """Listen to what can be heard at (x, y), metres."""
@@ -59,7 +73,7 @@ class LocalAir:
     def _listen(self, ring: tuple[Cell, ...]) -> None:
         for cell in ring:
             if cell not in self._withdraw:
-                self._withdraw[cell] = self._bus.subscribe(self._keys.radio(*cell), self._hear)
+                self._withdraw[cell] = self._bus.subscribe(self._keys.radio(*cell, self._any), self._hear)
         for cell in [cell for cell in self._withdraw if cell not in ring]:
             self._withdraw.pop(cell)()
-            self._bus.retire(self._keys.radio(*cell))
+            self._bus.retire(self._keys.radio(*cell, self._self))

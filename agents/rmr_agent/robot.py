@@ -30,7 +30,7 @@ from rmr.node.report import off_m, progress, robot_report
 from rmr_agent.bytecode import RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
-from rmr_agent.local_air import LocalAir
+from rmr_agent.local_air import LocalAir, announced
 from rmr_agent.robot_recording import RobotRecording
 from rmr_agent.robot_setup import RobotSetup, make_security
 from rmr_agent.robot_telling import StatusPublisher, failure_words
@@ -192,7 +192,7 @@ class HostedRobot:
         """Subscribe to all but the air, once: what is declared is declared again after a loss of the connection."""
         bus = self._bus
         keys = self._keys
-        bus.subscribe(keys.call(self._robot), self._on_air)
+        bus.subscribe(keys.call(self._robot, "*" if bus.keyed else ""), self._on_air)
         bus.subscribe(keys.sense(self._robot), self._on_sense)
         bus.subscribe(keys.clock, self._on_clock)
         bus.subscribe(keys.disturbances, self._on_disturbances)
@@ -216,7 +216,7 @@ class HostedRobot:
             security = make_security(self._robot, known, envelope.run, key)
             station = make_station(config, known.radio, security)
             send = Outlets(
-                LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
+                LocalAir(self._bus, self._keys, floor_grid(config), self._on_air, self._robot),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
                 lambda body: self._bus.publish(self._keys.answers(self._robot), body),
             )
@@ -258,8 +258,9 @@ class HostedRobot:
             self._incarnation.sense(message.body)
 
     def _on_air(self, _key: str, message: wire.Envelope) -> None:
-        if self._incarnation is not None and isinstance(message.body, wire.Air | wire.Handshake):
-            self._incarnation.hear(message.body.announcement)
+        announcement = announced(message, self._bus.losses)
+        if self._incarnation is not None and announcement is not None:
+            self._incarnation.hear(announcement)
 
     def _on_clock(self, _key: str, _message: wire.Envelope) -> None:
         self._doubt_time()

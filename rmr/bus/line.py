@@ -51,8 +51,10 @@ class Listener:
 class Line:
     """A session and its listeners. Used on the event loop alone."""
 
-    def __init__(self, session: Any) -> None:
+    def __init__(self, session: Any, *, keyed: bool = False) -> None:
         self.session = session
+        self.keyed = keyed
+        """Whether certificates prove who speaks on it: keys of radio frames say it then."""
         self.inbox = Inbox(asyncio.get_running_loop())
         self.run = random.SystemRandom().getrandbits(48)
         """The random number of this session, as its messages carry it."""
@@ -136,8 +138,12 @@ class Line:
         return take
 
     def hand_round(self, sender: Owner, key: str, message: wire.Envelope) -> None:
-        """Hand what `sender` publishes on `key` to the others of this process that listen on that very key."""
-        _, listeners = self._topics.get(key, (None, ()))
+        """Hand what `sender` publishes on `key` to the others of this process that listen on that very key.
+
+        Where the key says who speaks, these are the listeners to any speaker.
+        """
+        topic = f"{key.rpartition('/')[0]}/*" if self.keyed and sender_place(key) == -1 else key
+        _, listeners = self._topics.get(topic, (None, ()))
         others = tuple([listener for listener in listeners if listener.owner is not sender])
         if others:
             asyncio.get_running_loop().call_soon(hand_on, others, key, message)

@@ -10,9 +10,16 @@ from typing import Any, Final
 
 RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "robot": {
-        "puts": ("radio/*/*", "call/*", "body/{n}/act", "ops/{n}/status", "load/operator/{n}", "echo/robot/{n}/*"),
+        "puts": (
+            "radio/*/*/{n}",
+            "call/*/{n}",
+            "body/{n}/act",
+            "ops/{n}/status",
+            "load/operator/{n}",
+            "echo/robot/{n}/*",
+        ),
         "hears": (
-            *("radio/*/*", "call/{n}", "body/{n}/sense", "clock", "disturbances"),
+            *("radio/*/*/*", "call/{n}/*", "body/{n}/sense", "clock", "disturbances"),
             *("ops/{n}/stop", "load/{n}", "echo/robot/{n}/*"),
         ),
         "asks": ("map/{n}", "clock"),

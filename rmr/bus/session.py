@@ -75,7 +75,8 @@ def open_bus(
     if listen is not None:
         return Bus(Line(open_router(listen, (), secret)), sender, is_client=False)
     assert connect is not None, "a client has a router"
-    return Bus(Line(open_client(connect, secret)), sender, is_client=True)
+    line = Line(open_client(connect, secret), keyed=isinstance(secret, Certificate))
+    return Bus(line, sender, is_client=True)
 
 
 async def open_when_there(
@@ -169,6 +170,11 @@ class Bus:
     def run(self) -> int:
         """The random number of this session, as its messages carry it."""
         return self._line.run
+
+    @property
+    def keyed(self) -> bool:
+        """Whether certificates prove who speaks on it."""
+        return self._line.keyed
 
     @property
     def router(self) -> str:

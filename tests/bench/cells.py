@@ -106,7 +106,7 @@ class Robot:
         self._grid, self.robot, self.bus = case.grid, robot, bus
         self.x, self.y = (self._rng.uniform(0.0, self._side) for _ in "xy")
         self._angle = self._rng.uniform(0.0, math.tau)
-        self._air = LocalAir(bus, Keys("bench"), case.grid, self._hear)
+        self._air = LocalAir(bus, Keys("bench"), case.grid, self._hear, robot)
         station = Station(robot, 7, 1, Random(robot), CONFIG, RADIO_GRACE)
         self._link = RadioLink(station, time.monotonic_ns, self._air.publish)
         self._psdu = encode_data(DataFrame(7, BROADCAST, robot, 0, False, PAYLOAD))

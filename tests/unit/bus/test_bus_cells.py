@@ -40,7 +40,7 @@ class Robot:
 
     def __init__(self, bus, address, place, grid=GRID):
         self.bus, self.address, self.now = bus, address, 0
-        self.air = LocalAir(bus, KEYS, grid, self._hear)
+        self.air = LocalAir(bus, KEYS, grid, self._hear, address)
         station = Station(address, 7, 1, Random(address), CONFIG, RADIO_GRACE)
         self.link = RadioLink(station, lambda: self.now, self.air.publish)
         self.sent, self.heard, self.received, self.mark = [], [], [], 0

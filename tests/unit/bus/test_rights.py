@@ -5,6 +5,7 @@ router, which may do everything, is at the other end. What does not arrive is no
 keep their order, and callbacks are called at once, so it is enough that one which was sent later has come.
 """
 
+import asyncio
 import json
 import time
 from contextlib import ExitStack, contextmanager
@@ -12,13 +13,21 @@ from contextlib import ExitStack, contextmanager
 import pytest
 import zenoh
 from bus_star import free_endpoint
+from bus_star import until as eventually
 from zenoh.handlers import Callback
 
+from rmr.bus import wire
 from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.certificates import ROLES, read_certificate
 from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys
 from rmr.bus.middleware import NotAdmittedError, _client_settings, _open, open_client, router_settings
 from rmr.bus.rights import RIGHTS, VERBS
+from rmr.bus.session import open_bus
+from rmr.radio.air import Announcement
+from rmr.radio.cells import grid_of
+from rmr.radio.frame import DataFrame, encode_data
+from rmr.radio.phy import RadioConfig, airtime
+from rmr_agent.local_air import LocalAir
 
 pytestmark = pytest.mark.medium
 
@@ -60,7 +69,16 @@ _OF = Keys("bench")
 USED = [
     key.removeprefix(LAB)
     for key in (
-        *(_OF.radio(0, 0), _OF.call(1), _OF.sense(1), _OF.act(1), _OF.acts, _OF.clock, _OF.map(1), _OF.disturbances),
+        *(
+            _OF.radio(0, 0, "1"),
+            _OF.call(1, "1"),
+            _OF.sense(1),
+            _OF.act(1),
+            _OF.acts,
+            _OF.clock,
+            _OF.map(1),
+            _OF.disturbances,
+        ),
         *(_OF.silence, _OF.truth, _OF.status(1), _OF.status(WORLD), _OF.statuses, _OF.stop(1), _OF.stop(WORLD)),
         *(_OF.load(1), _OF.answers(1), _OF.alive(ROBOT_ROLE, 1), _OF.alive(ROBOT_ROLE, "*"), _OF.world_alive),
         *(_OF.echo(role, 1 if role == "robot" else 0, "x") for role in ROLES if role != "router"),
@@ -359,6 +377,53 @@ def test_who_is_not_among_the_members_has_no_rights(lab):
             time.sleep(0.01)
         mark.wait()
     assert {key for key in got if not key.endswith("/mark")} == set()
+
+
+def test_robots_with_keys_transmit_in_their_own_name_alone(lab):
+    """Also two in one process, whose session does not bring them what they say themselves."""
+    endpoint, grid, keys = lab.router(), grid_of(RadioConfig(), speed_mps=0.2), Keys("bench")
+    frame = encode_data(DataFrame(7, 1, 3, 0, False, b"hello"))
+
+    def announced(robot):
+        return Announcement(robot, 0, 0, 0, airtime(len(frame)), 0.0, 0.5, 0.5, frame)
+
+    async def play():
+        first = open_bus(1, connect=endpoint, secret=lab.keys("robot/1"))
+        third = open_bus(3, connect=endpoint, secret=lab.keys("robot/3-4"))
+        buses = {1: first, 3: third, 4: third.seat(4)}
+        heard = {robot: [] for robot in buses}
+
+        def air(robot, bus):
+            return LocalAir(bus, keys, grid, lambda _, said: heard[robot].append((said.sender, said.run)), robot)
+
+        airs = {robot: air(robot, bus) for robot, bus in buses.items()}
+        try:
+            for one in airs.values():
+                one.move(0.5, 0.5)
+
+            def all_heard():
+                for robot, one in airs.items():
+                    one.publish(announced(robot))
+                return all(len(set(speakers)) == 2 for speakers in heard.values())
+
+            await eventually(all_heard)
+            assert {robot: {who for who, _ in heard[robot]} for robot in heard} == {1: {3, 4}, 3: {1, 4}, 4: {1, 3}}
+            # As robot 3, on the key of robot 1 and on that of robot 3.
+            forged = wire.encode(3, 1, 1, wire.Air(announced(3)))
+
+            def forge():
+                for speaker in ("3", "1"):
+                    first._session.put(keys.radio(*grid.cell_of(0.5, 0.5), speaker), forged)
+                return third.losses.malformed
+
+            await eventually(forge)
+            assert third.losses.malformed_last == "not of the sender whose key it came on"
+            assert [robot for robot in heard if (3, 1) in heard[robot]] == []
+        finally:
+            for bus in buses.values():
+                bus.close()
+
+    asyncio.run(play())
 
 
 # --- admission

@@ -148,7 +148,8 @@ def mutations(value: Any) -> Iterator[Any]:
 
 def hostile(message: Any) -> Iterator[bytes]:
     """Yield the octets of `message` with each field made hostile."""
-    code, sender, run, number, *fields = msgpack.unpackb(wire.encode(1, 5, 1, message))
+    speaker = message.announcement.source if isinstance(message, wire.Air | wire.Handshake) else 1
+    code, sender, run, number, *fields = msgpack.unpackb(wire.encode(speaker, 5, 1, message))
     for place, field in enumerate(fields):
         for changed in mutations(field):
             yield msgpack.packb([code, sender, run, number, *fields[:place], changed, *fields[place + 1 :]])
@@ -240,6 +241,21 @@ def test_robot_survives_hostile_messages_on_its_keys():
         assert life.turns > 1
         assert not life._over
         life.end()
+
+    undisturbed(scene)
+
+
+def test_robot_hears_no_frame_of_another_transmitter_than_its_sender():
+    async def scene() -> None:
+        process = Process(1)
+        robot = hosted(process, MAP)
+        heard: list[Announcement] = []
+        robot._incarnation.hear = heard.append  # type: ignore[method-assign, union-attr]
+        for sender in (3, 2):
+            process.hand("rmr/dash/call/1", wire.encode(sender, 9, 1, wire.Handshake(air())))
+        assert [announcement.source for announcement in heard] == [2]
+        assert process.bus.losses.malformed_last == "a frame of another transmitter than its sender"
+        robot._incarnation.end()  # type: ignore[union-attr]
 
     undisturbed(scene)
 
@@ -346,8 +362,8 @@ def test_launcher_survives_hostile_messages_on_its_keys(tmp_path):
         for message in of_kind(wire.Status, wire.Truth):
             for data in hostile(message):
                 before = process.bus.losses.malformed
-                for sender in (b"\x01", b"\xff"):  # robot 1, and the world
-                    process.hand("rmr/dash/ops/1/status", data[:2] + sender + data[3:])
+                for who, sender in (("1", b"\x01"), ("world", b"\xff")):
+                    process.hand(f"rmr/dash/ops/{who}/status", data[:2] + sender + data[3:])
                     process.hand("rmr/dash/truth", data)
                 if process.bus.losses.malformed - before < 4:
                     shown(make_report(plan, RunOutcome(reason="over"), watch))
