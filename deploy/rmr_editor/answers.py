@@ -241,8 +241,3 @@ COMPLETION_KINDS = {
     "keyword": types.CompletionItemKind.Keyword,
 }
 """What a suggestion is, in the protocol's words."""
-
-
-def _is_watching(client: types.ClientCapabilities) -> bool:
-    watched = client.workspace and client.workspace.did_change_watched_files
-    return bool(watched and watched.dynamic_registration)

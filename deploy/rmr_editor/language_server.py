@@ -241,8 +241,11 @@ class Server(LanguageServer):
 
     def locations(self, found: "Iterable[tuple[TextPlace, Occurrence]]") -> list[types.Location]:
         """Return where symbols are named, each place once."""
-        every = [self.location(each.span, place.index.program) for place, each in found]
-        return [each for number, each in enumerate(every) if each not in every[:number]]
+        every: dict[tuple[str, int, int], types.Location] = {}
+        for place, each in found:
+            where = self.location(each.span, place.index.program)
+            every.setdefault((where.uri, each.span.start, each.span.end), where)
+        return list(every.values())
 
     def location(self, span: Span, program: Compilation) -> types.Location:
         """Return a span as the protocol has it."""

@@ -488,6 +488,17 @@ def test_a_name_is_another_one_in_all_files_of_the_program(editor, tmp_path):
     assert {each["textDocument"]["version"] for each in edit["documentChanges"]} == {1, None}
 
 
+def test_a_name_in_a_part_of_two_programs_is_another_one_in_both(editor, tmp_path):
+    programs = {tmp_path / f"{name}.rmr": f'include "part.rmr".\nseen(R) -o {name}(R).\n' for name in ("one", "two")}
+    texts = programs | {tmp_path / "part.rmr": "type seen(robot).\nseen(R) -o 1.\n"}
+    for path, text in texts.items():
+        path.write_text(text)
+        editor.open(path.as_uri(), text)
+    edit = editor.ask("rename", (tmp_path / "part.rmr").as_uri(), (0, 5), newName="met")
+    for path, text in texts.items():
+        assert edited(text, edit, path.as_uri()) == text.replace("seen", "met")
+
+
 def test_an_editor_that_knows_no_versions_gets_plain_edits():
     with LspClient() as client:
         client.initialize(workspace={}).open(URI, "p(R).\np(R) -o 1.\n")
