@@ -206,7 +206,7 @@ class History:
         for index, robot in enumerate(self.robots):
             arrivals, robot.arrivals = robot.arrivals, []
             for arrival in arrivals:
-                self.arrived[-1].append(int.from_bytes(robot.hand_on(arrival)[:4], "big"))
+                self.arrived[-1].append(int.from_bytes(arrival.body[:4], "big"))
             for news in robot.news:
                 if news.outcome in (Outcome.UNDELIVERED, Outcome.OUTLIVED):
                     sent = self.sent[news.delivery.index]

@@ -219,6 +219,8 @@ def outstanding(hosted: HostedNode) -> Iterator[str]:
     for job in node.machine.jobs:
         if job.finish is None and not job.missed:
             yield f"the deadline of {job.name}, {job.text}, is at {in_seconds(job.deadline):g} s"
+    if node.messenger.waiting:
+        yield f"{len(node.messenger.exchange.arrivals)} deliveries have arrived and wait until no rule is satisfied"
     if not node.messenger.exchange.idle:
         yield "a fact for another robot is not acknowledged yet"
 

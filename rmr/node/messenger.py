@@ -13,7 +13,8 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol
 from rmr.node import payloads
 from rmr.node.crossing.coordination_link import CoordLink
-from rmr.node.logic.deliveries import Deliveries
+from rmr.node.logic.deliveries import ABOUT_JOBS, Deliveries
+from rmr.node.logic.inbound import Arrival
 from rmr.node.parts import Radio
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.presence import Presence, decode_hello_cached
@@ -91,8 +92,6 @@ class Messenger:
     def flush(self, now: Instant) -> None:
         """Hand the radio what is to leave at once, and see to what became of what has left."""
         exchange = self.exchange
-        if exchange.arrivals:
-            self._take_up(now)
         if exchange.outbox:
             for payload, destination, due in exchange.outbox:
                 self._radio.transmit(payload, destination, due)
@@ -153,12 +152,11 @@ class Messenger:
             case PayloadKind.FACT | PayloadKind.FRAGMENT:
                 # The exchange acknowledges every copy and hands on the body once, after those that were sent before it.
                 self.exchange.received(now, payload, frame.source)
-                self._take_up(now)
+                self._take_news(now)
             case PayloadKind.FACT_ACK:
                 self.exchange.acknowledged(now, payload, frame.source)
             case PayloadKind.FACT_BASE:
                 self.exchange.base_told(now, payload, frame.source)
-                self._take_up(now)
             case PayloadKind.FACT_BASE_WANTED:
                 self.exchange.asked(payload, frame.source)
             case PayloadKind.FACT_LIFE:
@@ -168,19 +166,29 @@ class Messenger:
             case kind:
                 raise WireError(f"a frame of the unknown kind {kind:#04x}")
 
-    def _take_up(self, now: Instant) -> None:
-        """Let the deliveries that have arrived take effect, in order."""
+    @property
+    def waiting(self) -> bool:
+        """Whether deliveries have arrived that have not taken effect."""
+        return bool(self.exchange.arrivals)
+
+    def take_up(self, now: Instant) -> None:
+        """Let the first delivery of those that are `waiting` take effect."""
+        self._arrived(now, self.exchange.arrivals.pop(0))
+
+    def _take_news(self, now: Instant) -> None:
+        """Let what has just arrived take effect at once if it is news of a job: no rule sees it, and deadlines pass."""
         arrivals = self.exchange.arrivals
-        self.exchange.arrivals = []
-        for arrival in arrivals:
+        if arrivals and payloads.role_of(arrivals[-1].body) in ABOUT_JOBS:
             self._state.mark_dirty()
-            body = self.exchange.hand_on(arrival)
-            if not body:  # held back while the program changed, and the new one has no use for it
-                continue
-            try:
-                self.deliveries.arrived(now, body, DeliveredCause(*arrival[:3]))
-            except WireError as error:
-                self._malformed(now, arrival.source, error)
+            self._arrived(now, arrivals.pop())
+
+    def _arrived(self, now: Instant, arrival: Arrival) -> None:
+        if not arrival.body:  # it waited while the program changed, and the new one has no use for it
+            return
+        try:
+            self.deliveries.arrived(now, arrival.body, DeliveredCause(*arrival[:3]))
+        except WireError as error:
+            self._malformed(now, arrival.source, error)
 
     def _malformed(self, now: Instant, source: int, error: WireError) -> None:
         self.malformed += 1

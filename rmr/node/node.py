@@ -201,7 +201,7 @@ class Node:
         self.next_wake = min(
             executive.next_frame(busy) or NEVER,
             self._coordination.next_wake,
-            executive.frame_ends if machine.busy else machine.due,
+            executive.frame_ends if machine.busy or self.messenger.waiting else machine.due,
             self.actions.next_wake,
             self.messenger.next_wake,
             self.crossings.next_wake,
@@ -252,6 +252,7 @@ class Node:
         checks = (
             ("a satisfied rule", not machine.quiescent),
             ("facts set aside", bool(machine.program.ensemble) and bool(machine.set_aside())),
+            ("a delivery that has arrived", self.messenger.waiting),
             ("a fact under way", not self.messenger.exchange.idle),
             ("an action", not self.actions.idle),
             ("a deadline", machine.quiescent and machine.next_wake < NEVER),

@@ -326,6 +326,11 @@ def encode_delivery(delivery: Delivery, symbols: Mapping[str, int]) -> bytes:
     return bytes(out)
 
 
+def role_of(body: bytes) -> int:
+    """Return the role of the delivery in `body`, a `DeliveryRole` if a robot of this program has sent it."""
+    return body[0] >> 4 if body else 0
+
+
 def _length(value: int) -> bytes:
     if value > LENGTH_MAX:
         raise UnsendableError(f"a value of {value} octets or items is too long: at most {LENGTH_MAX}")

@@ -72,7 +72,7 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "repeated": TraceEvent(("destination", "fact"), "it was sent again, for want of an acknowledgement"),
     "delivered": TraceEvent(("destination", "fact"), "the other robot has acknowledged it"),
     "undelivered": TraceEvent(("destination", "predicate", "fact", "why"), "it was given up"),
-    "received": TraceEvent(("source", "predicate", "fact"), "it has arrived here, the first time"),
+    "received": TraceEvent(("source", "predicate", "fact"), "it has arrived here and takes effect"),
     "malformed": TraceEvent(("source", "why"), "a frame that no robot of this program sends was dropped"),
     "other_program": TraceEvent(("source",), "another robot runs another program"),
     "asks": TraceEvent(("event", "approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),

@@ -226,8 +226,11 @@ class Machine(Parts):
             self._jobs_changed(self._urgency)
         return bool(events)
 
-    def run(self, now: Instant) -> None:
-        """Handle the deadlines that are due and fire rules until quiescence, or until the budget is used."""
+    def run(self, now: Instant, last: bool = True) -> None:
+        """Handle the deadlines that are due and fire rules until quiescence, or until the budget is used.
+
+        Unless this is the `last` run at `now`, deadlines at `now` are left: another input may end jobs in time.
+        """
         self._now = now
         jobs = self._any_jobs
         if jobs is not None and jobs.due < now:
@@ -236,7 +239,7 @@ class Machine(Parts):
             self._fire(now)
         # Deadlines at `now` come last: a firing at `now` may still insert the finish fact in time.
         jobs = self._any_jobs  # the first job may have started in this run
-        if jobs is not None and jobs.due <= now:
+        if last and jobs is not None and jobs.due <= now:
             self._miss(now)
 
     # Queries of the host

@@ -285,7 +285,7 @@ class MindIndex:
         if stage is Stage.ACCEPTED:
             self.arrived.setdefault(DeliveredCause(peer, epoch, sequence), PastArrival(at, self.place))
         elif stage is Stage.RELEASED:
-            # It takes effect now: until then it waited for the delivery of an earlier one.
+            # Until now it waited for the delivery of an earlier one.
             self.arrived[DeliveredCause(peer, epoch, sequence)] = PastArrival(at, self.place)
         elif stage is Stage.BEGUN:
             begun = self._sent(event.of)

@@ -74,7 +74,7 @@ class RobotHistory:
         return next(((mind, mind.deliveries[key]) for mind in reversed(self.minds) if key in mind.deliveries), None)
 
     def arrival(self, cause: DeliveredCause) -> PastArrival | None:
-        """Return when a delivery took effect; None if it never did."""
+        """Return when nothing earlier was missing before a delivery; None if it never came so far."""
         return next((mind.arrived[cause] for mind in self.minds if cause in mind.arrived), None)
 
     def newest_arrival(self, source: int, at: Instant) -> DeliveredCause | None:

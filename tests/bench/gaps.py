@@ -106,7 +106,7 @@ class Link:
         for robot in self.robots:
             arrivals, robot.arrivals = robot.arrivals, []
             for arrival in arrivals:
-                self.took_effect[int.from_bytes(robot.hand_on(arrival), "big")] = now
+                self.took_effect[int.from_bytes(arrival.body, "big")] = now
             robot.news.clear()
             for frame, destination, _ in robot.outbox:
                 self.frames += 1

@@ -1,4 +1,7 @@
-"""Message order (FIFO channels) under loss: the minimum spanning tree of Gallager, Humblet and Spira."""
+"""Message order (FIFO channels) under loss, and messages one at a time: two algorithms that need them.
+
+The minimum spanning tree of Gallager, Humblet and Spira, and the snapshot of Chandy and Lamport.
+"""
 
 import re
 from pathlib import Path
@@ -6,7 +9,9 @@ from random import Random
 
 import pytest
 
-GHS = Path(__file__).parents[1] / "programs" / "messages" / "ghs.rmr"
+MESSAGE_PROGRAMS = Path(__file__).parents[1] / "programs" / "messages"
+GHS = MESSAGE_PROGRAMS / "ghs.rmr"
+SNAPSHOT = MESSAGE_PROGRAMS / "snapshot.rmr"
 ROBOTS = 8
 MESSAGES = ("connect", "initiate", "test", "accept", "reject", "report", "changeroot")
 
@@ -58,6 +63,17 @@ def test_unordered_messages_overtake_and_cost_nothing_without_loss(bench):
     ordered = bench.run(program(edges), "--robots", str(ROBOTS))
     unordered = bench.run(program(edges, unordered=True), "--robots", str(ROBOTS))
     assert ordered["messages"] == unordered["messages"], "order takes no frame and no octet where nothing is lost"
+
+
+@pytest.mark.parametrize("loss", ["0", "0.2"])
+@pytest.mark.parametrize("seed", range(1, 21))
+def test_a_snapshot_by_chandy_and_lamport_has_every_coin_once(bench, seed, loss):
+    engine = "interpreter" if seed % 4 == 0 else "generated"
+    arguments = ("--robots", "4", "--loss", loss, "--seed", str(seed), "--engine", engine)
+    report = bench.run(SNAPSHOT.read_text("utf-8"), *arguments)
+    facts = [fact for robot in report["robots"].values() for fact in robot["facts"]]
+    assert "total(@1, 400, 16)" in facts, "the true total, of 4 robots and 12 channels"
+    assert sum(int(coins) for coins in re.findall(r"coins\(@\d, (\d+)\)", str(facts))) == 400
 
 
 HEARTBEATS = """

@@ -36,8 +36,8 @@ def test_every_message_stands_there_with_its_fate(bench):
         ("sent", 1),
         ("received", 2),
         ("sent", 2),
-        ("received", 1),
         ("delivered", 1),
+        ("received", 1),
         ("delivered", 2),
     ]
     assert of(notes, "sent")[0] == {"t": 0.0, "robot": 1, "what": "sent", "destination": 2, "fact": "told(@2, @1)"}

@@ -148,6 +148,38 @@ def test_the_sum_of_a_bank_of_facts_stays_what_it_was(tmp_path, seed):
     assert len(balances) == 3
 
 
+BEHIND_A_COUNT = """
+    order textual.
+    type log(robot, list int).
+    log(R, []).
+    count(@2, 20000).
+    count(R, N), N > 0 -o count(R, N - 1).
+    got(R, N), count(R, 0) -o done(R, N).
+    done(R, N), log(R, L) -o log(R, L + [N]), count(R, 0).
+    go(@1).
+    go(R) -o got(@2, 1), got(@2, 2), got(@2, 3), got(@2, 4), got(@2, 5).
+"""
+"""Deliveries wait for two thirds of a second until the rules of robot 2 are quiet."""
+
+
+@pytest.mark.parametrize("at_s", [0.1, 0.3, 0.5])
+def test_deliveries_that_wait_for_the_rules_of_their_robot_are_not_lost_with_its_process(tmp_path, at_s):
+    simulation = small_lab(tmp_path, BEHIND_A_COUNT, robots=2, duration="5s", durable=True)
+    waiting = []
+
+    class Look(KillEvent):
+        def happen(self, simulation):
+            waiting.append(len(simulation.robots[1].node.messenger.exchange.arrivals))
+            super().happen(simulation)
+
+    simulation.schedule(Look(seconds(at_s), 2))
+    simulation.schedule(RestartEvent(seconds(at_s + 0.2), 2))
+    simulation.run()
+    assert waiting == [5]
+    assert simulation.violations == []
+    assert facts(simulation, "log") == [("@1", "[]"), ("@2", "[1", "2", "3", "4", "5]")]
+
+
 @pytest.mark.medium
 def test_without_state_a_killed_keeper_forgets(tmp_path):
     simulation = small_lab(tmp_path, RING, robots=3, facts='["token(@1, 0)"]', seed=1, duration="8s")

@@ -76,7 +76,8 @@ CLOCKS_APART: Final[Duration] = seconds(1)
 """How far the clocks of two robots may differ; a life that ended later than that is a malformed word."""
 WAITING_MAX: Final = 10_000
 """Deliveries that may wait for one robot; more are refused, so that a program that talks to a dead robot stays bounded.
-They and what is in flight have different sequence numbers."""
+They and what is in flight have different sequence numbers. As many may have arrived and wait for the rules of their
+robot: more are not acknowledged, so their senders repeat them."""
 SENDERS_MAX: Final = 1024
 PARTIAL_MAX: Final = 32
 """Deliveries in fragments that may be incomplete at one time."""
@@ -114,7 +115,7 @@ class Stage(Enum):
     ACCEPTED = "accepted"
     """By the other node, the first copy."""
     RELEASED = "released"
-    """It takes effect after it was held back for an earlier one."""
+    """Held back for an earlier one until now."""
     ACKNOWLEDGED = "acknowledged"
     GIVEN_UP = "given up"
     OUTLIVED = "outlived"
@@ -182,7 +183,7 @@ class Exchange:
         self.news: list[News] = []
         """What became of deliveries since the last look; the owner clears it."""
         self.arrivals: list[Arrival] = []
-        """What takes effect now, in order; the owner passes each to `hand_on` and clears the list."""
+        """What may take effect, in order; the owner removes each as it does."""
         self.silent: dict[int, None] = {}
         """Robots to which something is under way and that count as silent; the owner tells when it hears one
         (`heard_again`)."""
@@ -212,9 +213,9 @@ class Exchange:
 
     @property
     def unsettled(self) -> int:
-        """Number of deliveries that end with this life: not acknowledged yet, or held back for an earlier one."""
+        """Number of deliveries that end with this life: not acknowledged yet, or arrived and without effect yet."""
         sent = sum(len(peer.under_way()) + len(peer.unordered.parked) for peer in self._peers.values())
-        return sent + sum(len(sender.held) for sender in self._senders.values())
+        return sent + sum(len(sender.held) for sender in self._senders.values()) + len(self.arrivals)
 
     # -- sender -----------------------------------------------------------------------------------------------
 
@@ -409,6 +410,7 @@ class Exchange:
         self._partial.clear()  # their other parts come with the new program's digest
         for sender in self._senders.values():
             sender.held = {number: (since, body_of(body)) for number, (since, body) in sender.held.items()}
+        self.arrivals = [each._replace(body=body_of(each.body)) for each in self.arrivals]
         for destination, peer in self._peers.items():
             gave_up = False
             for outgoing in peer.under_way():
@@ -449,7 +451,7 @@ class Exchange:
             self.duplicates += 1
             self._acknowledge(sender, sequence)
             return
-        if sender.passed(sequence) or sender.full(sequence):
+        if sender.passed(sequence) or sender.full(sequence) or len(self.arrivals) >= WAITING_MAX:
             self.duplicates += 1
             self._expect(now, sender)
             return
@@ -460,8 +462,7 @@ class Exchange:
         self.delivered += 1
         self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, sequence))
         self._acknowledge(sender, sequence)
-        # Behind others that have just been released, it is named again when its turn comes.
-        self.arrivals += [each._replace(held=True) for each in arrivals] if self.arrivals else arrivals
+        self._hand_on(arrivals)
         self.held += not arrivals
         self._expect(now, sender)
 
@@ -472,7 +473,7 @@ class Exchange:
             return
         sender = self._sender(source, epoch)
         if sender is not None:
-            self.arrivals += sender.begin_at(base)
+            self._hand_on(sender.begin_at(base))
             self._expect(now, sender)
 
     def _is_meant(self, now: Instant, to: int, source: int) -> bool:
@@ -488,11 +489,12 @@ class Exchange:
             self.outbox.append((payloads.encode_life(self._epoch, self.predecessor_ended), source, NEVER))
         return False
 
-    def hand_on(self, arrival: Arrival) -> bytes:
-        """Take note that an arrival takes effect now; return its body."""
-        if arrival.held:
-            self.tell(DeliveryProgress(Stage.RELEASED, arrival.source, arrival.epoch, arrival.sequence))
-        return arrival.body
+    def _hand_on(self, arrivals: list[Arrival]) -> None:
+        """Take note that nothing earlier is missing before `arrivals`."""
+        for arrival in arrivals:
+            if arrival.held:
+                self.tell(DeliveryProgress(Stage.RELEASED, arrival.source, arrival.epoch, arrival.sequence))
+        self.arrivals += arrivals
 
     def _sender(self, source: int, epoch: int) -> Inbound | None:
         """Return what is known of a life of a sender; None if it has ended."""
@@ -532,7 +534,7 @@ class Exchange:
                 continue
             if sender.held_since + HELD_MAX <= now:
                 self.skipped += 1
-                self.arrivals += sender.release_oldest()
+                self._hand_on(sender.release_oldest())
             if not sender.held:
                 sender.ask_at = NEVER
                 continue
@@ -542,7 +544,7 @@ class Exchange:
 
     def _release(self, sender: Inbound) -> None:
         self.skipped += bool(sender.held)
-        self.arrivals += sender.release_all()
+        self._hand_on(sender.release_all())
 
     def _join(self, source: int, frame: payloads.FactFrame) -> bytes | None:
         key = (source, frame.epoch, frame.sequence, frame.parts)

@@ -36,7 +36,7 @@ def ahead(of: int, number: int, bits: int = SEQUENCE_BITS) -> int:
 
 
 class Arrival(NamedTuple):
-    """A delivery that takes effect now."""
+    """A delivery that nothing of its sender holds back."""
 
     source: int
     epoch: int

@@ -80,11 +80,11 @@ class MachineRunner:
         self.expression_failures = other.expression_failures + other._machine.expression_failures
         self.achieved = other.achieved
 
-    def run(self, now: Instant) -> None:
-        """Let the machine deal with what is due, and what it reports happen."""
+    def run(self, now: Instant, last: bool) -> None:
+        """Let the machine deal with what is due, and what it reports happen; see `Machine.run` on `last`."""
         machine = self._machine
         if machine.busy or machine.due <= now:
-            machine.run(now)
+            machine.run(now, last)
             self._overrun = machine.busy
         if machine.has_news:
             self.settle(now)
@@ -118,9 +118,14 @@ class MachineRunner:
                 self._cancelled(now, event)
         actions.clear()
 
-    def due(self, now: Instant) -> bool:
+    def due(self, now: Instant, last: bool) -> bool:
         """Return whether another `run` at this very instant has something to do."""
-        return not self._overrun and (self._machine.busy or self._machine.due <= now)
+        return not self._overrun and (self._machine.busy or (last and self._machine.due <= now))
+
+    @property
+    def restless(self) -> bool:
+        """Whether the program counts as one that never becomes quiet, until it does."""
+        return self._restless_calls >= RESTLESS_CALLS
 
     def watch_quiescence(self, now: Instant) -> None:
         """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""

@@ -32,11 +32,11 @@ def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:
     end: list[Statement] = []
     if jobs:
         begin.append(If(f"{due} < now", (Evaluate("vm._miss(now - 1)"),)))
-        end.append(If(f"{due} <= now", (Evaluate("vm._miss(now)"),)))
+        end.append(If(f"last and {due} <= now", (Evaluate("vm._miss(now)"),)))
     # The cause of an input is for `rmr.vm.observed_machine` alone.
     with build.function("insert", "vm", "now", "predicate", "args", "cause=None"):
         build(*begin, Evaluate("ARRIVE[predicate](vm, now, args)"))
-    with build.function("run", "vm", "now"):
+    with build.function("run", "vm", "now", "last=True"):
         build(*begin)
         with build.when("vm.busy"):
             if timed:

@@ -36,6 +36,40 @@ def test_replay_of_a_run_is_equal_with_either_engine(run, engine):
         assert replay.outputs > 900
 
 
+SLOW_RECEIVER = """
+order textual.
+type log(robot, list int).
+log(R, []).
+count(@2, 5000).
+count(R, N), N > 0 -o count(R, N - 1).
+got(R, N), count(R, 0), log(R, L) -o count(R, 0), log(R, L + [N]).
+go(@1).
+go(R) -o got(@2, 1), got(@2, 2), got(@2, 3).
+"""
+SLOW_LAB = """
+lab: slow
+program: slow.rmr
+seed: 1
+duration: 2s
+arena: {size: [1.5, 1.5], cell: 0.05}
+robots: [{id: 1, pose: [0.2, 0.2, 0deg]}, {id: 2, pose: [0.6, 0.2, 0deg]}]
+localisation: {beacons: [[0, 0], [1.5, 0]], rate: 10, sigma: 0.005}
+"""
+
+
+def test_deliveries_that_wait_for_rules_take_effect_at_the_same_calls_with_either_engine(tmp_path):
+    (tmp_path / "lab.yaml").write_text(SLOW_LAB)
+    (tmp_path / "slow.rmr").write_text(SLOW_RECEIVER)
+    run = MindRun(tmp_path)
+    received = [entry for entry in run.simulation.trace() if entry["what"] == "received"]
+    assert [entry["fact"] for entry in received] == [f"got(@2, {n})" for n in (1, 2, 3)]
+    assert received[0]["t"] > 0.1, "ten batches of firings were before it"
+    for engine in Engine:
+        replay = run.replay(2, engine=engine)
+        assert replay.difference is None
+        assert "log(@2, [1, 2, 3])" in replay.node.machine.facts()
+
+
 def test_replayed_node_ends_in_the_state_of_the_recorded_node(run):
     for robot in run.simulation.robots:
         twin = run.replay(robot.robot).node

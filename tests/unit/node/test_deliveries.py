@@ -173,6 +173,8 @@ def test_garbage_in_a_delivery_is_counted_and_dropped(octets):
     sequence = node.messenger.exchange.delivered & 0xFFFF
     for payload in payloads.encode_fact_frames(node.state.digest, 0, sequence, octets):
         node.messenger.receive(0, Received(payload, 2, True, -50.0, 255, 0))
+    while node.messenger.waiting:
+        node.messenger.take_up(0)
     assert node.messenger.exchange.delivered == before[1] + 1
     assert node.messenger.malformed in (before[0], before[0] + 1)
 

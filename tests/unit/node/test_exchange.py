@@ -32,7 +32,7 @@ def taken(exchange: Exchange, payload: bytes, source: int, now: int = 0) -> list
 
 def handed_on(exchange: Exchange) -> list[bytes]:
     arrivals, exchange.arrivals = exchange.arrivals, []
-    return [exchange.hand_on(arrival) for arrival in arrivals]
+    return [arrival.body for arrival in arrivals]
 
 
 def numbered(first: int, n: int) -> int:

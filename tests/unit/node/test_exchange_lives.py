@@ -31,7 +31,7 @@ def leaving(robot: Exchange) -> list[bytes]:
 
 def handed_on(robot: Exchange) -> list[bytes]:
     arrivals, robot.arrivals = robot.arrivals, []
-    return [robot.hand_on(arrival) for arrival in arrivals]
+    return [arrival.body for arrival in arrivals]
 
 
 def give(robot: Exchange, now: int, frames: list[bytes], source: int) -> list[bytes]:

@@ -254,6 +254,23 @@ def test_a_fact_at_the_instant_of_the_deadline_is_in_time_and_one_after_it_late_
         assert len(actions(machine.drain())) == missed
 
 
+def test_a_deadline_at_this_instant_waits_for_the_last_run_and_an_earlier_one_does_not() -> None:
+    hand, due, at, _go = crossing()
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    machine.insert(0, due, (Symbol("entry"), 4))
+    machine.run(seconds(5), last=False)
+    first, other = machine.jobs
+    assert (first.missed, other.missed) == (False, True)
+    machine.insert(seconds(5), at, (EXIT,))
+    machine.run(seconds(5))
+    assert (first.missed, first.finish) == (False, seconds(5))
+    machine.insert(seconds(6), due, (Symbol("dock"), 1))
+    machine.run(seconds(7), last=False)
+    machine.run(seconds(7))
+    assert [event.job.deadline for event in machine.drain() if isinstance(event, JobMissed)] == [seconds(4), seconds(7)]
+
+
 def test_a_start_after_the_miss_opens_a_new_job() -> None:
     hand, due, at, _go = crossing()
     machine = hand.machine()
