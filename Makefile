@@ -22,6 +22,7 @@ $(STAMP): pyproject.toml requirements.lock
 			/^Installing collected/ { print "      all " n " are there; unpacking them (up to a minute)"; fflush() } \
 			/^pip failed$$/ { failed = 1 } END { exit failed }'
 	@echo "[3/3] installing rmr itself (some seconds)"
+	@$(BIN)/python -m pip uninstall -qq --yes rmr  # its name before it was rmr-robots; both would own the same files
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
 	@echo "installed: $(BIN)/rmr --help"

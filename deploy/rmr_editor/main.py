@@ -18,7 +18,7 @@ Serve an editor over the Language Server Protocol: on stdin and stdout, until it
 With --vsix write the extension for Visual Studio Code, which does so, and end.
 
 Editors start this command themselves: docs/editor.md says how they are set up. It needs pygls, which
-pip install 'rmr[editor]' brings.
+pip install 'rmr-robots[editor]' brings.
 """
 
 
@@ -64,7 +64,7 @@ def _serve(vsix: Path | None, stdio: bool) -> int:  # noqa: ARG001 - there is no
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
-        print("rmr lsp: pygls is not installed; pip install 'rmr[editor]' brings it", file=sys.stderr)
+        print("rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it", file=sys.stderr)
         return ExitCode.FAILED
     from rmr_editor.answers import answering
     from rmr_editor.language_server import serve

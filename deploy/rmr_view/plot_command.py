@@ -11,7 +11,7 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import CommandLineError, did_you_mean
 from rmr_view.chart import ChartError, figures_in, read
 
-NO_MATPLOTLIB = "rmr plot: matplotlib is not installed; install it into this environment: pip install 'rmr[plot]'"
+NO_MATPLOTLIB = "rmr plot: matplotlib is not installed in this environment: pip install 'rmr-robots[plot]'"
 
 BROKEN_MATPLOTLIB = "rmr plot: matplotlib cannot be loaded; install it anew: pip install --force-reinstall matplotlib"
 

@@ -12,7 +12,7 @@ from rmr_view.animation import animation
 from rmr_view.run_data import RunData, run_data
 from rmr_view.run_pictures import PICTURES
 
-NO_PILLOW = "rmr plot: a GIF needs Pillow; install it: pip install 'rmr[plot]', or write FILE.svg, which needs nothing"
+NO_PILLOW = "rmr plot: a GIF needs Pillow: pip install 'rmr-robots[plot]', or write FILE.svg, which needs nothing"
 
 
 def perform_run(run: Path, output: Path | None, animate: Path | None, speed: float | None) -> int:

@@ -86,7 +86,7 @@ class OtherPackage(NamedTuple):
             package = module.partition(".")[0]
             if error.name != package:
                 raise
-            print(f"{name}: {package} is not installed; what is installed here is a part of rmr", file=sys.stderr)
+            print(f"{name}: {package} is not installed here; pip install rmr-robots brings all of it", file=sys.stderr)
             return ExitCode.FAILED
         return carry_out(words, name.removesuffix(f" {self.verb}") if self.verb else name)
 

@@ -78,7 +78,9 @@ class Parser(argparse.ArgumentParser):
         """The long name of every option that takes a value -> what stands for the value in the help."""
         self._required: list[str] = []
         self._positional: list[str] = []
-        self.add_argument("--version", action="version", version=f"rmr {__version__}", help="show the version and exit")
+        self.add_argument(
+            "--version", action="version", version=f"rmr (rmr-robots) {__version__}", help="show the version and exit"
+        )
 
     # --- declaring
 

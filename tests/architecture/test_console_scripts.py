@@ -48,7 +48,7 @@ def test_a_command_explains_itself(script):
 def test_a_command_tells_its_version(script):
     answer = run(script, "--version")
     assert answer.returncode == 0, answer.stderr
-    assert PROJECT["project"]["version"] in answer.stdout
+    assert answer.stdout == f"rmr ({PROJECT['project']['name']}) {PROJECT['project']['version']}\n"
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from pathlib import PurePosixPath
 
-from source_tree import ROOT, Module, modules, offenders, tracked_text
+from source_tree import PROJECT, ROOT, Module, modules, offenders, tracked_text
 
 MODULE_LINES_GUIDE = 400
 LONGER_MODULES: dict[str, str] = {
@@ -125,6 +125,18 @@ def test_no_tracked_file_names_a_package_registry():
     found = [name for name, text in tracked_text() if REGISTRY.search(text)]
     assert found == []
     assert "://" not in (ROOT / "requirements.lock").read_text()
+
+
+def test_every_install_of_this_project_names_its_distribution_and_extras_that_it_has():
+    """`rmr` alone is another project on the package index."""
+    extras = set(PROJECT["project"]["optional-dependencies"])
+    told = re.compile(r"pip install (?:-\w+ )*'?(?P<name>rmr[\w.-]*|\.)(?:\[(?P<extras>[\w, -]+)\])?")
+    found = [(name, each) for name, text in tracked_text() for each in told.finditer(text)]
+    known = (PROJECT["project"]["name"], ".", "rmr_robots-VERSION.whl")
+    assert len(found) > 10
+    assert [(name, each[0]) for name, each in found if each["name"] not in known] == []
+    wanted = {(name, extra) for name, each in found if each["extras"] for extra in re.split(r", *", each["extras"])}
+    assert {(name, extra) for name, extra in wanted if extra not in extras} == set()
 
 
 def test_no_tracked_source_is_left_to_be_done():

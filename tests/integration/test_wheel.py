@@ -20,7 +20,7 @@ def site(tmp_path_factory):
     words = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
     environment = {name: value for name, value in os.environ.items() if name != "RMR_COMPILE"}
     subprocess.run(words, cwd=ROOT, check=True, capture_output=True, env=environment)
-    [wheel] = folder.glob("*-py3-none-any.whl")
+    [wheel] = folder.glob("rmr_robots-*-py3-none-any.whl")
     zipfile.ZipFile(wheel).extractall(folder / "site")
     return folder / "site"
 
@@ -46,6 +46,15 @@ def test_wheel_holds_the_provided_labs_and_runs_them_by_name(site, tmp_path):
     result = run(site, tmp_path, SIM, "testbed", "--robots", "2", "--run", "run")
     assert result.returncode == 0, result.stderr
     assert run(site, tmp_path, LAB, "check", *expected).returncode == 0
+
+
+def test_wheel_tells_its_name_and_its_commands(site, tmp_path):
+    code = (
+        "from importlib.metadata import distribution; it = distribution('rmr-robots');"
+        "print(it.name, *sorted(each.name for each in it.entry_points if each.group == 'console_scripts'))"
+    )
+    answer = run(site, tmp_path, code)
+    assert (answer.returncode, answer.stdout) == (0, "rmr-robots rmr rmr-agent rmr-world rmrc\n"), answer.stderr
 
 
 def test_wheel_writes_a_new_lab_that_runs(site, tmp_path):

@@ -36,7 +36,7 @@ def test_help_and_version_name_every_command():
     for name in (*subcommands.COMMANDS, *external):
         assert f"  {name} " in result.stdout
         assert name in external or rmr(name, "--help").exit_code == rmr(name, "--version").exit_code == 0
-    assert rmr("--version").stdout == f"rmr {__version__}\n"
+    assert rmr("--version").stdout == f"rmr (rmr-robots) {__version__}\n"
 
 
 def test_help_imports_neither_the_parser_nor_anything_heavy():

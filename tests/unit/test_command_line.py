@@ -96,7 +96,7 @@ def test_every_command_explains_itself(name, option):
 @pytest.mark.parametrize("name", EVERY)
 def test_every_command_tells_its_version(name):
     answer = call(name, "--version")
-    assert (answer.exit_code, answer.stdout, answer.stderr) == (0, f"rmr {__version__}\n", "")
+    assert (answer.exit_code, answer.stdout, answer.stderr) == (0, f"rmr (rmr-robots) {__version__}\n", "")
 
 
 @pytest.mark.parametrize("name", EVERY)

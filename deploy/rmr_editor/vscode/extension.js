@@ -126,7 +126,7 @@ class Client {
       this.found.clear();
       this.output.appendLine(reason);
       if (connection.isReady && this.restarts++ < RESTARTS_MAX) this.start();
-      else vscode.window.showErrorMessage(`RMR: ${reason}. It takes pip install 'rmr[editor]'; rmr.command may name its path.`);
+      else vscode.window.showErrorMessage(`RMR: ${reason}. It takes pip install 'rmr-robots[editor]'; rmr.command may name its path.`);
     });
     this.connection = connection;
     const capabilities = {

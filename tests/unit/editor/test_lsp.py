@@ -191,7 +191,7 @@ def test_without_pygls_it_says_what_to_install():
     words = [sys.executable, "-c", code, "lsp"]
     result = subprocess.run(words, stdin=subprocess.PIPE, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr == "rmr lsp: pygls is not installed; pip install 'rmr[editor]' brings it\n"
+    assert result.stderr == "rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it\n"
 
 
 # ---- broken messages

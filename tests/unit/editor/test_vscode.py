@@ -199,7 +199,7 @@ def test_a_command_that_is_not_there_is_told(tmp_path):
         f"require({json.dumps(str(EXTENSION / 'extension.js'))}).activate({{ subscriptions: [] }});"
     )
     done = subprocess.run(["node", "-e", code], capture_output=True, text=True, timeout=60, check=False)
-    assert done.stdout.startswith("RMR: there is no command /nowhere/rmr. It takes pip install 'rmr[editor]'"), (
+    assert done.stdout.startswith("RMR: there is no command /nowhere/rmr. It takes pip install 'rmr-robots[editor]'"), (
         done.stderr
     )
 

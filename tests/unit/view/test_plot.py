@@ -119,7 +119,7 @@ def test_many_mistakes_are_counted_and_not_all_shown(data):
 @pytest.mark.parametrize(
     ("error", "told"),
     [
-        (ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib"), "pip install 'rmr[plot]'"),
+        (ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib"), "pip install 'rmr-robots[plot]'"),
         (ModuleNotFoundError("No module named 'numpy'", name="numpy"), "cannot be loaded; install it anew"),
         (ImportError("libpng is broken"), "libpng is broken"),
     ],

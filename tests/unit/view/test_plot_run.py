@@ -127,7 +127,7 @@ def test_gif_without_pillow_is_refused_with_the_remedy(run, tmp_path, monkeypatc
 
     monkeypatch.setattr(builtins, "__import__", absent)
     assert main([str(run), "--animate", str(tmp_path / "x.gif")]) == 1
-    assert "pip install 'rmr[plot]'" in capsys.readouterr().err
+    assert "pip install 'rmr-robots[plot]'" in capsys.readouterr().err
 
 
 def test_animation_takes_a_speed(run, tmp_path):
