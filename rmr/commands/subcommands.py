@@ -16,6 +16,7 @@ from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
 COMMANDS: dict[str, str] = {
     "check": "Check programs and labs and print what is wrong with them.",
     "compile": "Compile a program to byte-code.",
+    "completion": "Print the script by which a shell completes commands.",
     "dis": "Print byte-code as annotated text, offsets in hex.",
     "eval": "Run a program on robots without bodies.",
     "explain": "Explain an error or a warning.",

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple, Protocol
 
 from rmr import __version__
 from rmr.entry import ExitCode
+from rmr.entry.completion import VARIABLE, DeclaredWords, complete
 
 WIDTH_MAX = 100
 """Columns of a help text at most: longer lines are hard to read."""
@@ -72,10 +73,9 @@ class Parser(argparse.ArgumentParser):
         )
         self._about = about
         self._epilog = epilog
-        self.names: dict[str, str] = {"-h": "--help", "--help": "--help", "--version": "--version"}
+        self.declared = DeclaredWords()
+        self.names = self.declared.names
         """Every option as it may be written -> its long name."""
-        self._metavars: dict[str, str] = {}
-        """The long name of every option that takes a value -> what stands for the value in the help."""
         self._required: list[str] = []
         self._positional: list[str] = []
         self.add_argument(
@@ -111,7 +111,8 @@ class Parser(argparse.ArgumentParser):
             dest=dest or _attribute(names[-1]),
         )
         self.names |= dict.fromkeys(names, names[-1])
-        self._metavars[names[-1]] = metavar
+        self.declared.metavars[names[-1]] = metavar
+        self.declared.helps[names[-1]] = help
         if required:
             self._required.append(f"{names[-1]} {metavar}")
 
@@ -122,6 +123,7 @@ class Parser(argparse.ArgumentParser):
     def flag(self, *names: str, help: str, dest: str | None = None) -> None:  # noqa: A002
         """Declare an option without a value, its long name last."""
         self.add_argument(*names, action="store_true", help=help.replace("%", "%%"), dest=dest or _attribute(names[-1]))
+        self.declared.helps[names[-1]] = help
         self.names |= dict.fromkeys(names, names[-1])
 
     def positional(
@@ -139,6 +141,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(
             dest, metavar=metavar, type=_told(read), nargs=count, default=default, help=help.replace("%", "%%")
         )
+        self.declared.words.append(metavar)
         self._positional.append(usage if usage is not None else metavar)
 
     def format_help(self) -> str:
@@ -196,7 +199,7 @@ class Parser(argparse.ArgumentParser):
         name = self.names.get(written)
         if name is None:
             raise CommandLineError(f"unknown option '{written}'{did_you_mean(written, self.names)}")
-        metavar = self._metavars.get(name)
+        metavar = self.declared.metavars.get(name)
         if metavar is None:
             if equals:
                 raise CommandLineError(f"{written} takes no value")
@@ -229,8 +232,11 @@ class Command(NamedTuple):
     def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
         """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""
         parser = self.parser(name)
+        words = sys.argv[1:] if words is None else words
+        if VARIABLE in os.environ:
+            return complete(parser.declared, words)
         try:
-            options = parser.read(sys.argv[1:] if words is None else words)
+            options = parser.read(words)
             return self.perform(**vars(options)) or ExitCode.OK
         except CommandLineError as error:
             print(parser.told(error), end="", file=sys.stderr)
@@ -256,6 +262,8 @@ class CommandGroup(NamedTuple):
         words = sys.argv[1:] if words is None else list(words)
         parser = Parser(name, self.about, self._listing())
         parser.positional("command", "COMMAND", usage="COMMAND ...", help=argparse.SUPPRESS)
+        if VARIABLE in os.environ and len(words) < 2:
+            return complete(parser.declared, words, {each: entry.summary for each, entry in self.commands.items()})
         if not words:
             parser.usage = parser.usage_line()
             parser.print_help(sys.stderr)

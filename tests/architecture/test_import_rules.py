@@ -42,6 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio", "rmr.record"},
     "rmr.record": {"rmr.base"},
     "rmr.entry": set(),
+    "rmr.__main__": {"rmr.cli"},
     "rmr.cli": {"rmr.commands", "rmr.entry"},
     "rmr.commands": {
         "rmr.entry",

@@ -10,8 +10,10 @@ from command_runner import invoke
 from rmr import __version__
 from rmr.commands import subcommands
 from rmr.commands.compile_command import command as rmrc
+from rmr.commands.completion_command import SCRIPTS
 from rmr.entry import MEANINGS, ExitCode
 from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, real, whole
+from rmr.entry.completion import FILES, VARIABLE
 from rmr_agent.main import command as agent
 from rmr_deploy.fault import command as fault
 from rmr_deploy.fleet import VERBS
@@ -179,6 +181,51 @@ def test_a_world_on_loopback_needs_no_secret_and_is_not_opened(listen):
     assert answer.stderr.splitlines()[0] == "rmr-world: --open goes with --listen beyond this machine alone"
     answer = call("rmr-world", "--config", "nowhere", "--listen", listen, "--open", "--secret", "x")
     assert answer.stderr.splitlines()[0] == "rmr-world: --open goes without --secret"
+
+
+# --- completion
+
+
+@pytest.fixture
+def completed(monkeypatch):
+    """Return what may take the last word's place, value -> help."""
+    monkeypatch.setenv(VARIABLE, "1")
+
+    def complete(name, *words):
+        answer = call(name, *words)
+        assert (answer.exit_code, answer.stderr) == (0, "")
+        return dict((*line.split("\t"), "")[:2] for line in answer.stdout.splitlines())
+
+    return complete
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_every_option_of_a_command_is_completed_with_its_help(name, completed, monkeypatch):
+    found = completed(name, "--")
+    monkeypatch.delenv(VARIABLE)
+    shown = re.findall(r"^  (?:-\w(?: \S+)?, )?(--[a-z-]+)", call(name, "--help").stdout, re.MULTILINE)
+    assert sorted(found) == sorted(shown)
+    assert all(found.values())
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_the_commands_of_a_group_are_completed_with_their_summaries(name, completed):
+    assert completed(name, "") == {word: entry.summary for word, entry in GROUPS[name].commands.items()}
+
+
+def test_words_are_completed_where_the_cursor_stands(completed):
+    assert completed("rmr", "si") == {"sim": subcommands.PROGRAMS["sim"][1]}
+    assert completed("rmr", "lab", "check", "te") == {"testbed": "a provided lab", FILES: ""}
+    assert set(completed("rmr", "sim", "--seed", "3", "--see")) == {"--seed", "--seeds"}
+    assert completed("rmr", "sim", "--seed", "") == completed("rmr", "sim", "--seed=") == {}
+    assert set(completed("rmr-agent", "--durability", "p")) == {"process", "power"}
+    assert set(completed("rmr-agent", "--durability=p")) == {"--durability=process", "--durability=power"}
+    assert set(completed("rmr-agent", "--durability", "=", "p")) == {"process", "power"}, "as bash parts the words"
+    assert set(completed("rmr-agent", "--durability", "=")) == {"process", "power"}
+    assert set(completed("rmr radio overlap", "--interference", "a")) == {"awgn"}
+    assert completed("rmrc", "x") == completed("rmrc", "-o", "x") == completed("rmrc", "--", "--x") == {FILES: ""}
+    assert completed("rmr up", "corridor", "--seed", "--robots", "")[FILES] == "", "--robots is the value of --seed"
+    assert set(completed("rmr completion", "")) == set(SCRIPTS)
 
 
 # --- the layer that they share
