@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
 
 PROGRAMS: dict[str, tuple[str, str]] = {
     "up": ("rmr_deploy.up:main", "Run a lab with one process for each robot."),
+    "doctor": ("rmr_deploy.doctor:main", "Say what this machine lacks for RMR, and what mends it."),
     "fault": ("rmr_deploy.fault:main", "Inject faults into a lab that runs: of the radio, and of robots."),
     "load": ("rmr_deploy.load:main", "Give running robots a new program."),
     "why": ("rmr_deploy.why_program:main", "Say why a fact of a run holds, or why it does not."),

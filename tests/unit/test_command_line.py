@@ -15,6 +15,7 @@ from rmr.entry import MEANINGS, ExitCode
 from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, real, whole
 from rmr.entry.completion import FILES, VARIABLE
 from rmr_agent.main import command as agent
+from rmr_deploy.doctor import command as doctor
 from rmr_deploy.fault import command as fault
 from rmr_deploy.fleet import VERBS
 from rmr_deploy.fleet import command as fleet
@@ -39,6 +40,7 @@ PROGRAMS = {
     "rmr-world": world(),
     "rmr sim": sim(),
     "rmr up": up(),
+    "rmr doctor": doctor,
     "rmr fault": fault(),
     "rmr fleet": fleet(),
     "rmr keys": keys(),
