@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 
 PIPE_VARIABLE = "RMR_DETACHED"
 """Environment variable with the number of the pipe's write end, by which the launcher knows that it is one."""
@@ -78,7 +78,7 @@ def _show_start(told: dict[str, Any], launcher: int, *, as_json: bool) -> None:
         print(f"rmr up: {told['warning']}", file=sys.stderr)
     if as_json:
         keys = ("lab", "folder", "connect", "page", "ready_s")
-        print(json.dumps({**{key: told[key] for key in keys if key in told}, "launcher": launcher}))
+        print_json({**{key: told[key] for key in keys if key in told}, "launcher": launcher}, indent=None)
         return
     ready = f"ready after {told['ready_s']:.1f} s" if "ready_s" in told else "starting"
     print(f"lab {told['lab']}, {told['robots']} robots, {ready}; the run folder is {told['folder']}")

@@ -4,7 +4,6 @@ The world checks the request and keeps the list; this command is a client of the
 """
 
 import asyncio
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +20,7 @@ from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.middleware import NobodyThereError
 from rmr.bus.secret import SecretError
 from rmr.bus.session import Bus, open_bus
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.active_runs import REPORT_FILE, secret_of
@@ -61,7 +60,10 @@ def perform(
     if told.refused:
         print(f"rmr fault: {told.refused}", file=sys.stderr)
         return ExitCode.USAGE
-    print(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
+    if as_json:
+        print_json(record(told))
+    else:
+        print("\n".join(lines(told)))
     return ExitCode.OK
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Final
 
 from rmr import __version__
-from rmr.entry import ExitCode, run
-from rmr.entry.command_line import Command, Parser, print_json
+from rmr.entry import ExitCode, print_json, run
+from rmr.entry.command_line import Command, Parser
 
 DISTRIBUTION: Final = "rmr-robots"
 CLONE: Final = Path(__file__).parents[2]

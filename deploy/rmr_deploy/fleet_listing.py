@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr_deploy.active_runs import LAB_COPY, REPORT_FILE, LaunchedRun, active_runs, past_runs
 from rmr_deploy.process_identity import stat_fields
 from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown, where_it_looks
@@ -54,7 +54,7 @@ def list_labs(*, everything: bool, as_json: bool) -> int:
     runs = [*(past_runs() if everything else ()), *active_runs()]
     rows = [_lab_row(run) for run in runs]
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print_json({"labs": rows})
     elif rows:
         cells = [(row["lab"], row["state"], row["robots"], row["launcher"], row["folder"]) for row in rows]
         print(table(("LAB", "STATE", "ROBOTS", "LAUNCHER", "RUN"), cells))
@@ -94,7 +94,7 @@ def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as
     if not everything:
         rows = [row for row in rows if row["exit_code"] is None and row["state"] != "ended"]
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print_json({"processes": rows})
         return ExitCode.OK
     cells = [
         (row["name"], row["state"], row["pid"], length(row["up_s"]), row["restarts"], row["progress"]) for row in rows
@@ -188,7 +188,11 @@ def show_usage(folder: Path | None, lab: str | None, *, once: bool, as_json: boo
     on_terminal = sys.stdout.isatty() and not once and not as_json
     with suppress(KeyboardInterrupt):  # the usual way out
         while True:
-            print(f"{CLEAR if on_terminal else ''}{json.dumps(rows) if as_json else _usage_text(rows)}", flush=True)
+            if as_json:
+                print_json({"processes": rows}, indent=None)
+            else:
+                print(f"{CLEAR if on_terminal else ''}{_usage_text(rows)}")
+            sys.stdout.flush()
             if once or not run.active:
                 break
             time.sleep(PERIOD_S)
@@ -251,7 +255,7 @@ def show_facts(
     if predicate is not None:
         held = {robot: [fact for fact in facts if _name(fact) == predicate] for robot, facts in held.items()}
     if as_json:
-        print(json.dumps(held, indent=2))
+        print_json({"facts": held})
     elif len(wanted) == 1:
         print(*held[str(wanted[0])], sep="\n")
     else:

@@ -4,7 +4,6 @@ Importing this module loads next to nothing (see `rmr.entry`), and its help no c
 """
 # ruff: noqa: PLC0415
 
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -12,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rmr.entry import ExitCode, run
+from rmr.entry import ExitCode, print_json, run
 
 if TYPE_CHECKING:
     from rmr.bus.certificates import Holder
@@ -162,7 +161,7 @@ def _list(folder: Path, as_json: bool) -> None:
     newest = {one.who: one for one in index}
     states = [one.state(newest[one.who], now) for one in index]
     if as_json:
-        print(json.dumps([asdict(one) | {"state": state} for one, state in zip(index, states, strict=True)], indent=1))
+        print_json({"issued": [asdict(one) | {"state": state} for one, state in zip(index, states, strict=True)]})
         return
     width = max([len(one.who) for one in index] + [3])
     print(f"{'WHO':{width}}  {'VALID UNTIL':23}  {'STATE':21}  SERIAL")

@@ -18,7 +18,7 @@ from rmr.base.time import NS_PER_S, Duration, Instant
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, Keys, last_id
 from rmr.bus.session import Bus
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.load.load_coordinator import LoadCoordinator
 from rmr.load.load_messages import LoadError
 from rmr.load.load_pace import BUS
@@ -71,7 +71,10 @@ def perform(
         return error.exit_code
     if loaded.warnings:
         print(loaded.warnings.rstrip("\n"), file=sys.stderr)
-    print(json.dumps(outcome, indent=1) if as_json else "\n".join(lines(outcome)))
+    if as_json:
+        print_json(outcome)
+    else:
+        print("\n".join(lines(outcome)))
     return ExitCode.OK if all_ready(outcome) else ExitCode.FAILED
 
 

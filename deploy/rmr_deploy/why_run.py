@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rmr.base.ids import shown
 from rmr.base.time import Instant
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import CommandLineError
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Recording, open_recording
@@ -113,7 +113,7 @@ def _answer(
         answer.notes.append(f"the recording has not been finished: {whose} is known until {until}")
     answer.notes += _position_notes(folder, asked.owner)
     if as_json:
-        print(json.dumps(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems}, indent=2))
+        print_json(answer.as_data() | {"lab": recording.about.lab, "problems": histories.problems})
         return ExitCode.OK
     print(_drawn(answer) if as_dot else _written(answer), end="")
     for problem in histories.problems:
@@ -189,7 +189,7 @@ def _show_delays(
             "undelivered": undelivered_data(lost),
             "problems": list(run.problems),
         }
-        print(json.dumps(told, indent=2))
+        print_json(told)
         return
     text = delays_text(delays, shlex.quote(where)) if asked is None else delay_text(delays[0], timeline=timeline)
     print(text + undelivered_text(lost), end="")

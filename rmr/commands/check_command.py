@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rmr.commands import diagnosed
-from rmr.commands.common import print_json
+from rmr.entry import print_json
 from rmr.entry.command_line import Command, Parser
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None,
     if explain:
         _explain(compilations, as_json)
     elif as_json:
-        print_json(diagnosed.as_json(compilations))
+        print_json({"diagnostics": diagnosed.as_json(compilations)})
     return diagnosed.exit_code(compilations)
 
 

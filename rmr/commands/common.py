@@ -1,4 +1,4 @@
-"""Shared functions of the subcommands: JSON on stdout, and atomic writes of files."""
+"""Shared functions of the subcommands: octets on stdout, and atomic writes of files."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
@@ -6,13 +6,6 @@ import sys
 from pathlib import Path
 
 from rmr.entry import ExitCode
-
-
-def print_json(value: object) -> None:
-    """Print one JSON document on stdout."""
-    import json
-
-    print(json.dumps(value, indent=2))
 
 
 def print_octets(octets: bytes) -> None:

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 from rmr.commands import diagnosed
-from rmr.commands.common import counted, print_json, write
-from rmr.entry import ExitCode
+from rmr.commands.common import counted, write
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from rmr.commands import diagnosed
 from rmr.commands.common import counted, reason
-from rmr.entry import ExitCode
+from rmr.entry import JSON_VERSION, ExitCode
 from rmr.entry.command_line import Command, CommandLineError, Parser, whole
 from rmr.eval import options
 from rmr.eval.options import OptionError
@@ -346,7 +346,7 @@ def _conclude(run: "EvaluatedRun", until: int, interrupted: bool) -> None:
 def _print(run: "EvaluatedRun", one_line: bool) -> None:
     from rmr.eval.eval_report import report
 
-    values = report(run)
+    values = {"version": JSON_VERSION, **report(run)}
     print(json.dumps(values) if one_line else laid_out(values))
 
 

@@ -4,7 +4,7 @@
 import os
 import sys
 
-from rmr.commands.common import print_json
+from rmr.entry import print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean
 
 COLUMNS_MAX = 100
@@ -23,7 +23,7 @@ def _explain(code: str | None, as_json: bool) -> None:
 
     if code is None:
         if as_json:
-            print_json([_entry(each) for each in CODES])
+            print_json({"codes": [_entry(each) for each in CODES]})
         else:
             print("".join(f"{each}  {title}\n" for each, title in CODES.items()), end="")
         return

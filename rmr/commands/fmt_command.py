@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 
 from rmr.commands.common import (
     counted,
-    print_json,
     print_octets,
     write,
 )
 from rmr.commands.diagnosed import show_found
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def _format(programs: list[Path], check: bool, diff: bool, as_json: bool) -> int
     else:
         code = max([code, *(_replace(each) for each in changed)])
     if as_json:
-        print_json([{"file": each.source.file, "changed": each.changes} for each in files])
+        print_json({"files": [{"file": each.source.file, "changed": each.changes} for each in files]})
     elif diff:
         print_octets("".join(_difference(each) for each in changed).encode())
     elif check:

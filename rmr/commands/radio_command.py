@@ -7,7 +7,8 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rmr.commands.common import counted, print_json
+from rmr.commands.common import counted
+from rmr.entry import print_json
 from rmr.entry.command_line import (
     Command,
     CommandGroup,

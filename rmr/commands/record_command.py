@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rmr.commands.common import counted, print_json
-from rmr.entry import ExitCode
+from rmr.commands.common import counted
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandGroup, Parser, Subcommand
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from rmr.commands.common import counted, print_json
-from rmr.entry import ExitCode
+from rmr.commands.common import counted
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
 if TYPE_CHECKING:

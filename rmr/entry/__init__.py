@@ -1,4 +1,4 @@
-"""Start and end of every command: exit codes, Ctrl-C, an output that cannot be written. No traceback reaches a user.
+"""Start and end of every command: exit codes, Ctrl-C, JSON, an output that cannot be written. No traceback for a user.
 
 - *Loading.* Loading a command takes up to a second, in which Ctrl-C may come. So the module that a console script
   names imports this package alone; it imports the rest inside of the function that it hands to `run`.
@@ -11,12 +11,16 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from types import TracebackType
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # nobody multiplies matrices, and each idle thread waits in a loop
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it looks for some in each installed package
+
+
+JSON_VERSION = 1
+"""The form of all JSON documents that commands print or write (docs/commands.md says what raises it)."""
 
 
 class ExitCode(IntEnum):
@@ -72,6 +76,13 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         if not isinstance(error, BrokenPipeError):  # the reader has closed the pipe on purpose
             print(f"{name}: cannot write the output: {error.strerror or error}", file=sys.stderr)
         return ExitCode.FAILED
+
+
+def print_json(value: Mapping[str, object], indent: int | None = 2) -> None:
+    """Print `value` as a JSON document on standard output, its version first."""
+    import json  # noqa: PLC0415 - most commands print none
+
+    print(json.dumps({"version": JSON_VERSION, **value}, indent=indent))
 
 
 class Loading:

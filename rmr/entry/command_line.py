@@ -37,9 +37,6 @@ WIDTH_MAX = 100
 DIGITS_MAX = 18
 """Digits of a whole number at most: what fits 64 bits, and far from where Python refuses to convert."""
 
-JSON_VERSION = 1
-"""The form of all JSON documents that commands print (docs/commands.md says what raises it)."""
-
 Read = Callable[[str], Any]
 """Makes a value of an option's word. Raises ValueError with a sentence that says what to write."""
 
@@ -285,16 +282,6 @@ class CommandGroup(NamedTuple):
     def _listing(self) -> str:
         width = max(map(len, self.commands))
         return "commands:\n" + "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in self.commands.items())
-
-
-# --- output
-
-
-def print_json(value: Mapping[str, object], indent: int | None = 2) -> None:
-    """Print `value` as a JSON document on standard output, its version first."""
-    import json
-
-    print(json.dumps({"version": JSON_VERSION, **value}, indent=indent))
 
 
 # --- values

@@ -18,7 +18,7 @@ crossing: watch(wish(R, A), inside(R, A), 10, broadcast(R)).
 
 def test_the_report_has_these_keys_and_no_others(bench):
     report = bench.run(CROSSING, "--robots", "2", "--action-time", "4s")
-    assert list(report) == ["quiescent", "time_s", "firings", "robots", "messages"]
+    assert list(report) == ["version", "quiescent", "time_s", "firings", "robots", "messages"]
     assert (report["quiescent"], report["time_s"], report["firings"]) == (True, 4.0, 2)
     assert list(report["robots"]) == ["1", "2"]
     assert report["robots"]["2"] == {

@@ -26,7 +26,7 @@ def call(*arguments: str) -> Result:
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.name)
 def test_check_reports_what_the_program_says(path: Path) -> None:
-    found = json.loads(call("check", "--json", str(path)).stdout)
+    found = json.loads(call("check", "--json", str(path)).stdout)["diagnostics"]
     assert sorted((each["code"], each["line"]) for each in found) == diagnostics_of(path)
 
 

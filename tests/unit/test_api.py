@@ -67,7 +67,7 @@ def test_a_program_with_errors_raises_what_check_prints(tmp_path):
     with pytest.raises(rmr.CompileError) as caught:
         rmr.compile(tmp_path / "p.rmr")
     assert str(caught.value) in said
-    assert caught.value.diagnostics == json.loads(printed(tmp_path, text, "check", "--json")[0])
+    assert caught.value.diagnostics == json.loads(printed(tmp_path, text, "check", "--json")[0])["diagnostics"]
     assert pickle.loads(pickle.dumps(caught.value)).diagnostics == caught.value.diagnostics
 
 
@@ -86,7 +86,7 @@ def test_evaluate_gives_the_report_trace_and_messages_of_the_command(tmp_path):
         seed=5,
         trace=True,
     )
-    assert found.report == json.loads(stdout)
+    assert {"version": 1, **found.report} == json.loads(stdout)
     assert found.trace == [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
     assert [f"rmr eval: warning: {text}" for text in found.messages] == stderr.splitlines()
     assert found.quiescent

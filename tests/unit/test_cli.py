@@ -9,6 +9,7 @@ from command_runner import invoke
 from rmr import __version__, cli
 from rmr.bytecode.layout import SIZE_MAX
 from rmr.commands import subcommands
+from rmr.entry import JSON_VERSION
 
 GOOD = "p(R).\np(R) -o q(R).\n"
 DOUBTED = "location(R, s).\nlocation(R, L), L = S -o 1.\n"
@@ -83,12 +84,12 @@ def test_a_missing_file_and_a_directory_are_wrong_usage(tmp_path):
     assert rmr("check").exit_code == 2
 
 
-def test_check_as_json_prints_one_list_on_stdout_and_nothing_else(program, tmp_path):
+def test_check_as_json_prints_one_document_on_stdout_and_nothing_else(program, tmp_path):
     result = rmr("check", "--json", program(BAD), program(GOOD, "b.rmr"), tmp_path / "missing.rmr")
-    listed = json.loads(result.stdout)
+    listed = json.loads(result.stdout)["diagnostics"]
     assert [each["code"] for each in listed] == ["E023", "E003"]
     assert result.stderr == ""
-    assert json.loads(rmr("check", "--json", program(GOOD)).stdout) == []
+    assert json.loads(rmr("check", "--json", program(GOOD)).stdout) == {"version": JSON_VERSION, "diagnostics": []}
 
 
 def test_compile_writes_beside_the_program_and_prints_its_size(program, tmp_path):

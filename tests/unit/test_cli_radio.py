@@ -41,7 +41,7 @@ def test_json_is_one_document_on_stdout_and_the_same_each_time(name):
 def test_the_fields_of_the_json_are_those_of_the_reference(line, file):
     row = json.loads(radio(f"{line} {BRIEF[line]} --json").stdout)
     reference = json.loads((FILES / f"{file}.json").read_text())["series"][0]
-    assert list(row) == [name for name in reference if name != "events_per_rep"]
+    assert list(row) == ["version", *(name for name in reference if name != "events_per_rep")]
 
 
 @pytest.mark.parametrize("name", BRIEF)

@@ -64,10 +64,11 @@ def test_without_a_code_all_are_listed():
 
 
 def test_json_has_the_same():
-    listed = json.loads(explain("--json").stdout)
+    listed = json.loads(explain("--json").stdout)["codes"]
     assert [(each["code"], each["title"]) for each in listed] == list(CODES.items())
     assert {each["severity"] for each in listed if each["code"].startswith("W")} == {"warning"}
     assert json.loads(explain("E012", "--json").stdout) == {
+        "version": 1,
         "code": "E012",
         "severity": "error",
         "title": CODES["E012"],

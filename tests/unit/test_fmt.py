@@ -120,7 +120,8 @@ def test_json_says_of_each_file_whether_it_changes(program):
     ugly, neat = program(UGLY), program(NEAT, "b.rmr")
     result = fmt("--check", "--json", ugly, neat)
     assert result.exit_code == 1
-    assert json.loads(result.stdout) == [{"file": str(ugly), "changed": True}, {"file": str(neat), "changed": False}]
+    files = [{"file": str(ugly), "changed": True}, {"file": str(neat), "changed": False}]
+    assert json.loads(result.stdout) == {"version": 1, "files": files}
 
 
 @pytest.mark.skipif(os.name != "posix" or os.getuid() == 0, reason="root may write anywhere")

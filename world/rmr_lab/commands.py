@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandGroup, CommandLineError, Parser, Runnable, Subcommand
 from rmr_world.provided_labs import existing_lab, provided_labs
 
@@ -94,7 +94,7 @@ def _list(as_json: bool) -> None:
 
     rows = [{"name": name, "about": about(folder), "folder": str(folder)} for name, folder in provided_labs().items()]
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print_json({"labs": rows})
         return
     width = max((len(row["name"]) for row in rows), default=0)
     print("".join(f"{row['name'].ljust(width)}  {row['about']}\n" for row in rows), end="")

@@ -8,7 +8,6 @@ A file of actions or events is a Python file: what it registers is known when it
 is said before it is done, for a lab may come from elsewhere, and can be declined.
 """
 
-import json
 import os
 import re
 import sys
@@ -19,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.bytecode.program import Kind, Program
-from rmr.entry import ExitCode
+from rmr.entry import ExitCode, print_json
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.diagnostic import Diagnostic
 from rmr.lang.diagnostics.render import render_text, to_json
@@ -227,8 +226,8 @@ def perform(paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | 
     explained = _explained(found) if explain else []
     if as_json:
         listed = [entry for each in found for entry in each.as_json()]
-        labs = {"labs": [asdict(each) for each in explained]}
-        print(json.dumps({"diagnostics": listed, "explanation": labs} if explain else listed, indent=2))
+        labs = {"explanation": {"labs": [asdict(each) for each in explained]}} if explain else {}
+        print_json({"diagnostics": listed, **labs})
     else:
         _show(found)
         print("\n".join(map(show, explained)), end="")

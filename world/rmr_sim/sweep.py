@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
-from rmr.entry import ExitCode
+from rmr.entry import JSON_VERSION, ExitCode
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, Options, load
@@ -158,6 +158,7 @@ class Sweep:
         rows = self.rows
         failing = [row["seed"] for row in rows if fails(row)]
         return {
+            "version": JSON_VERSION,
             "lab": self._loaded.lab.name,
             "command": command,
             "first_seed": self._seeds[0],

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rmr.base.file_errors import naming
+from rmr.entry import JSON_VERSION
 from rmr_world.bound import bound_s
 from rmr_world.deadline_bound import best_possible, least_s
 from rmr_world.lab import Lab
@@ -78,6 +79,7 @@ def assemble(
         part["assertions"] = [{**job, "least_s": least_s(lab, robot, job)} for job in part["assertions"]]
     jobs = [job for part in parts.values() for job in part["assertions"]]
     report = {
+        "version": JSON_VERSION,
         "lab": lab.name,
         "mode": mode,
         "seed": seed,

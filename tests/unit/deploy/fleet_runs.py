@@ -48,7 +48,7 @@ def rows(*words: str) -> dict[str, dict[str, Any]]:
     """Return the rows of `rmr ps -a --json` by name."""
     answer = rmr("ps", "-a", "--json", *words)
     assert answer.exit_code == 0, answer.stderr
-    return {row["name"]: row for row in json.loads(answer.stdout)}
+    return {row["name"]: row for row in json.loads(answer.stdout)["processes"]}
 
 
 class StandinRun:

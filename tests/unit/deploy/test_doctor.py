@@ -12,7 +12,7 @@ import pytest
 from command_runner import invoke
 
 from rmr import __version__
-from rmr.entry.command_line import JSON_VERSION
+from rmr.entry import JSON_VERSION
 from rmr_deploy import doctor
 from rmr_deploy.doctor import EXTRAS, PROGRAMS, USES, checks, command
 

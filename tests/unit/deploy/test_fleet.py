@@ -56,13 +56,13 @@ def test_verbs_without_a_lab_say_how_to_start_one(tmp_path, monkeypatch):
         "start one with rmr up LAB -d, or name its run folder with --run "
         f"(looked in ./runs and {tmp_path / 'register'})"
     )
-    assert json.loads(rmr("ls", "--json").stdout) == []
+    assert json.loads(rmr("ls", "--json").stdout) == {"version": 1, "labs": []}
     assert rmr("down", "--all").exit_code == 0
 
 
 def test_run_is_listed_shown_waited_for_and_brought_down(start):
     run = start("roam", "finish").running()
-    (row,) = json.loads(rmr("ls", "--json").stdout)
+    (row,) = json.loads(rmr("ls", "--json").stdout)["labs"]
     assert (row["lab"], row["state"], row["robots"], row["folder"]) == ("standin", "running", 2, "run-standin")
     assert row["launcher"] == run.process.pid
     eventually(lambda: rows()["robot-2"]["state"] == "finished")
@@ -130,7 +130,7 @@ def test_run_whose_folder_was_removed_is_brought_down(start):
     run = start("roam", "roam").running()
     pids = run.pids()
     shutil.rmtree(run.folder)
-    (row,) = json.loads(rmr("ls", "--json").stdout)
+    (row,) = json.loads(rmr("ls", "--json").stdout)["labs"]
     assert row["state"] == "running, folder removed"
     assert rows()["robot-1"]["state"] == "running", "as the system tells"
     assert "was removed" in refused(rmr("logs"), 1)
@@ -169,7 +169,7 @@ def test_processes_that_a_dead_launcher_has_left_are_ended_by_their_ids(tmp_path
         for path in (folder / "processes.json", next(register().iterdir())):
             path.write_text(json.dumps({**record, "folder": str(folder)}))
         idle[0].send_signal(signal.SIGSTOP)
-        (row,) = json.loads(rmr("ls", "--json").stdout)
+        (row,) = json.loads(rmr("ls", "--json").stdout)["labs"]
         assert row["state"] == "stranded"
         answer = rmr("down")
         assert answer.exit_code == 0, answer.stderr
@@ -365,13 +365,13 @@ def test_robot_that_was_killed_by_a_person_is_not_started_again_by_the_policy(st
 def test_processor_time_memory_facts_and_lab_of_a_run_are_shown(start):
     run = start("roam", "finish").running()
     (line,) = rmr("stats", "--once", "--json").stdout.splitlines()
-    used = {row["name"]: row for row in json.loads(line)}
+    used = {row["name"]: row for row in json.loads(line)["processes"]}
     assert list(used) == ["launcher", "world", "robot-1", "robot-2"]
     assert all(row["memory_mb"] > 1.0 and row["cpu_percent"] >= 0.0 for row in used.values())
     assert rmr("top", "--once").stdout.splitlines()[0].startswith("NAME")
     eventually(lambda: rmr("facts", "2").stdout == "waiting(@2)\n")
     assert rmr("facts").stdout == "1: waiting(@1)\n2: waiting(@2)\n"
-    assert json.loads(rmr("facts", "--json", "--predicate", "at", "1").stdout) == {"1": []}
+    assert json.loads(rmr("facts", "--json", "--predicate", "at", "1").stdout)["facts"] == {"1": []}
     lab = json.loads(rmr("config").stdout)
     assert (lab["lab"], lab["duration_s"], lab["seed"], lab["robots"][1]["id"]) == ("standin", 600.0, 0, 2)
     assert json.loads(rmr("config", "standin").stdout) == lab

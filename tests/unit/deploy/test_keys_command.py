@@ -38,7 +38,7 @@ def test_a_lab_is_given_its_keys_and_each_process_its_folder(keys, tmp_path):
 def test_the_list_shows_how_each_certificate_stands(keys):
     for words in (["issue", "--robot", "1"], ["revoke", "robot/1"], *(["issue", "--robot", "1"],) * 2):
         assert keys(*words).exit_code == 0
-    listed = json.loads(keys("list", "--json").stdout)
+    listed = json.loads(keys("list", "--json").stdout)["issued"]
     assert [one["state"] for one in listed] == ["revoked", "replaced, still valid", "valid"]
     rows = keys("list").stdout.splitlines()
     assert [re.split("  +", row)[::2] for row in rows[1:]] == [["robot/1", one["state"]] for one in listed]
@@ -78,7 +78,7 @@ def test_wrong_words_are_told_and_nothing_is_issued(keys, words, says):
     answer = keys("issue", *words)
     assert (answer.exit_code, answer.stdout) == (2, "")
     assert says in answer.stderr.splitlines()[0]
-    assert json.loads(keys("list", "--json").stdout) == []
+    assert json.loads(keys("list", "--json").stdout)["issued"] == []
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def check(*words):
 
 def listed(folder):
     result = invoke(command, ["check", "--json", str(folder)])
-    found = json.loads(result.stdout)
+    found = json.loads(result.stdout)["diagnostics"]
     assert all(sorted(each) == KEYS for each in found)
     return [(Path(each["file"]).name, each["line"], each["severity"], each["message"]) for each in found], result
 
@@ -61,7 +61,7 @@ def listed(folder):
 @pytest.mark.parametrize("name", ["corridor", "dock", "formation", "hall", "testbed", "twoway", "warehouse"])
 def test_provided_lab_is_found_by_its_name_and_has_no_findings(name):
     result = check("--json", name)
-    assert (result.exit_code, json.loads(result.stdout)) == (0, [])
+    assert (result.exit_code, json.loads(result.stdout)["diagnostics"]) == (0, [])
 
 
 def test_lab_with_actions_has_no_findings(tmp_path):
@@ -79,7 +79,7 @@ def test_mistakes_of_lab_and_program_are_reported_together(tmp_path):
 
 def test_hint_stands_apart_from_the_message(tmp_path):
     room(tmp_path, lab=LAB.replace("finish: packed(R)", "finish: paked(R)"))
-    [found] = json.loads(check("--json", tmp_path).stdout)
+    [found] = json.loads(check("--json", tmp_path).stdout)["diagnostics"]
     assert found["hint"] == "did you mean 'packed'?"
     assert found["message"] == "finish: the program knows no fact 'paked'"
 
@@ -171,7 +171,7 @@ def test_rmr_check_of_a_lab_becomes_rmr_lab_check(tmp_path):
     words = [sys.executable, "-m", "rmr.cli", "check", "--json", str(room(tmp_path))]
     code = "import sys; from rmr.cli import main; main()"
     result = subprocess.run([sys.executable, "-c", code, *words[3:]], capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stdout.strip()) == (0, "[]"), result.stderr
+    assert (result.returncode, json.loads(result.stdout)) == (0, {"version": 1, "diagnostics": []}), result.stderr
 
 
 # -- the picture -------------------------------------------------------------------------------------------------------

@@ -112,7 +112,7 @@ def test_copy_of_an_unknown_lab_is_reported_and_writes_nothing(tmp_path):
 
 
 def test_list_names_every_provided_lab_with_its_first_comment():
-    rows = json.loads(run(command, "list", "--json").stdout)
+    rows = json.loads(run(command, "list", "--json").stdout)["labs"]
     assert [row["name"] for row in rows] == sorted(provided_labs())
     assert all(row["about"] for row in rows)
 

@@ -75,13 +75,13 @@ def test_an_explanation_in_json_is_its_golden_file(program: Path) -> None:
 # ---- the command
 
 
-def test_without_explain_the_json_is_the_list_of_diagnostics() -> None:
-    assert isinstance(json.loads(run("--json", "jobs.rmr").stdout), list)
+def test_without_explain_the_json_has_diagnostics_alone() -> None:
+    assert list(json.loads(run("--json", "jobs.rmr").stdout)) == ["version", "diagnostics"]
 
 
 def test_with_explain_it_is_an_object_with_diagnostics_and_an_explanation_of_each_program() -> None:
     found = json.loads(run("--json", "--explain", "jobs.rmr", "team.rmr").stdout)
-    assert list(found) == ["diagnostics", "explanation"]
+    assert list(found) == ["version", "diagnostics", "explanation"]
     assert [each["file"] for each in found["explanation"]["programs"]] == ["jobs.rmr", "team.rmr"]
     assert {each["code"] for each in found["diagnostics"]} == {"W105", "W116"}
 

@@ -96,7 +96,7 @@ def test_why_is_the_answer_of_rmr_why(browser, folder):
     fact = "waiting(@2)"
     told = invoke(why_command(), [str(folder), fact, "--json"], name="rmr why")
     assert told.exit_code == 0, told.stderr
-    assert browser.get(f"/api/why?robot=2&fact={fact}") == json.loads(told.stdout)
+    assert {"version": 1, **browser.get(f"/api/why?robot=2&fact={fact}")} == json.loads(told.stdout)
 
 
 def test_client_of_a_recording_gets_its_end_at_once(browser, report):

@@ -37,7 +37,7 @@ def test_the_report_has_the_keys_of_the_contract():
     report = report_of()
     assert sorted(report) == [
         "bound_s", "bus", "collisions", "dead", "deadlines", "finish", "finished", "lab", "min_gap_m", "mode",
-        "quorum", "robots", "schedule", "seed", "time_s", "wall_s",
+        "quorum", "robots", "schedule", "seed", "time_s", "version", "wall_s",
     ]  # fmt: skip
     assert report["deadlines"] == {"met": 1, "missed": 1, "best_possible": 2}
     assert sorted(report["robots"]["1"]) == [

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.time import NS_PER_S, in_seconds
+from rmr.entry import JSON_VERSION
 from rmr_sim.hunt.harm import Harm, with_harms
 from rmr_sim.hunt.hunt_search import HuntFinding, Quarry
 from rmr_world.document import read
@@ -69,6 +70,7 @@ def hunt_document(
 ) -> dict[str, Any]:
     """Return the content of `hunt.json`; `found` are entries of findings."""
     return {
+        "version": JSON_VERSION,
         "lab": lab.name,
         "command": command,
         "seed": quarry.seed,
