@@ -1,7 +1,8 @@
-"""docs/commands.md: what `rmr doctor` looks for, and the documents of JSON that commands print."""
+"""docs/commands.md: what `rmr doctor` looks for, environment variables, the documents of JSON that commands print."""
 
 import ast
 import json
+import re
 
 import pytest
 from command_runner import invoke
@@ -18,6 +19,29 @@ PAGE = page("commands")
 def test_the_page_names_all_that_doctor_looks_for():
     rows = table(PAGE, "`rmr doctor`", "looks for", "wanted by")
     assert [codes(row[0])[0] for row in rows] == [each.name for each in checks()]
+
+
+def sources():
+    """Yield the syntax tree of each module of the distribution, and the hook that builds it."""
+    for folder in ("rmr", "agents", "world", "deploy"):
+        yield from (ast.parse(path.read_text()) for path in sorted((ROOT / folder).rglob("*.py")))
+    yield ast.parse((ROOT / "hatch_build.py").read_text())
+
+
+def variables(tree):
+    """Yield what looks like an environment variable among the strings of a module that reads the environment."""
+    nodes = list(ast.walk(tree))
+    if any(isinstance(node, ast.Attribute) and node.attr == "environ" for node in nodes):
+        texts = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+        yield from (text for text in texts if re.fullmatch("[A-Z][A-Z0-9_]+", text))
+    yield from (node.value for node in nodes if isinstance(node, ast.Constant) and str(node.value).startswith("RMR_"))
+
+
+def test_every_environment_variable_that_the_code_reads_is_documented_and_no_other():
+    found = {name for tree in sources() for name in variables(tree)}
+    shown = {"CODE", "COMMAND", "LACKS"}  # words of help and output
+    assert shown < found
+    assert {codes(row[0])[0] for row in table(PAGE, "variable", "means")} == found - shown
 
 
 KEYS = {code: row[1] for row in table(PAGE, "command", "keys") for code in codes(row[0])}
