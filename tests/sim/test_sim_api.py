@@ -1,10 +1,12 @@
 """`rmr.simulate`: report, trajectories and trace of a lab as plain data, and the pytest fixture `rmr_sim`."""
 
+import dataclasses
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import rmr
 from rmr_sim.arguments import parse
 from rmr_sim.event import Event
 from rmr_sim.sim_command import perform
+from rmr_world.run_report import COLUMNS, summary, table_rows
 
 pytestmark = pytest.mark.medium
 
@@ -61,6 +64,25 @@ def test_a_run_says_how_it_ended(run):
     assert (run.lab, run.seed, run.finished) == ("walk", 5, True)
     assert run.time_s == run.report["time_s"] > 4.0
     assert run.warnings == []
+
+
+def test_a_notebook_shows_the_table_of_the_command_and_where_each_robot_went(run):
+    shown = ElementTree.fromstring(run._repr_html_())
+    assert shown.findtext("p") == summary(run.report)
+    cells = [[cell.text for cell in row] for row in shown.iter("tr")]
+    assert cells == [list(COLUMNS), *map(list, table_rows(run.report))]
+    svg = "{http://www.w3.org/2000/svg}"
+    ways = [line.get("points").split() for line in shown.iter(f"{svg}polyline")]
+    assert [len(way) for way in ways] == [len(rows) for rows in run.trajectories.values()]
+    for way, rows in zip(ways, run.trajectories.values(), strict=True):
+        assert [float(each) for each in way[-1].split(",")] == pytest.approx([rows[-1, 1], -rows[-1, 2]], abs=1e-3)
+    assert [each.text for each in shown.iter(f"{svg}title")] == [f"@{robot}" for robot in run.trajectories]
+
+
+def test_a_notebook_shows_a_run_without_a_pose_and_names_that_look_like_tags(run):
+    shown = dataclasses.replace(run, report={**run.report, "lab": "<b>"}, trajectories={})._repr_html_()
+    assert "&lt;b&gt;: finished" in shown
+    assert "svg" not in shown
 
 
 def test_trajectories_hold_the_true_poses_at_the_stated_rate(run):

@@ -6,6 +6,7 @@ It raises the exceptions of `rmr.base.errors`, prints nothing and writes no file
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -23,6 +24,7 @@ from rmr_sim.event import Event
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.simulation import Simulation
 from rmr_world.provided_labs import missing, resolve
+from rmr_world.run_report import COLUMNS, summary, table_rows
 
 Trajectory = npt.NDArray[np.float64]
 """Rows of (t_s, x_m, y_m, heading_rad)."""
@@ -64,6 +66,33 @@ class Run:
     def time_s(self) -> float:
         """Duration of the run in lab time, in seconds."""
         return float(self.report["time_s"])
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: how the run ended, the table of `rmr sim`, and the robots' ways."""
+        head, *rows = [
+            f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+            for tag, cells in [("th", COLUMNS), *(("td", cells) for cells in table_rows(self.report))]
+        ]
+        table = f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+        return f"<div><p>{escape(summary(self.report))}</p>{table}{self._ways()}</div>"
+
+    def _ways(self) -> str:
+        """Return the trajectories as SVG, a metre in 200 pixels, with a dot where each robot ends."""
+        ways = {robot: rows[:, 1:3] * (1, -1) for robot, rows in self.trajectories.items() if len(rows)}
+        if not ways:
+            return ""
+        points = np.concatenate(list(ways.values()))
+        left, top = points.min(axis=0) - 0.1
+        width, height = np.ptp(points, axis=0) + 0.2
+        drawn = ""
+        for robot, way in ways.items():
+            colour = f"hsl({robot * 137.5 % 360:.0f} 70% 45%)"  # the golden angle parts neighbours in the roster
+            line = " ".join(f"{x:.3f},{y:.3f}" for x, y in way)
+            drawn += f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="0.01"/>'
+            x, y = way[-1]
+            drawn += f'<circle cx="{x:.3f}" cy="{y:.3f}" r="0.03" fill="{colour}"><title>@{robot}</title></circle>'
+        size = f'width="{200 * width:.0f}" viewBox="{left:.3f} {top:.3f} {width:.3f} {height:.3f}"'
+        return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{drawn}</svg>'
 
 
 def simulate(
