@@ -1,4 +1,4 @@
-"""Relative links of README, CONTRIBUTING, CHANGELOG and docs lead to files and headings that exist."""
+"""Relative links of the pages at the root and in docs lead to files and headings that exist."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CONTRIBUTING = ROOT / "CONTRIBUTING.md"
-PAGES = [ROOT / "README.md", CONTRIBUTING, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def prose_of(page: Path) -> str:
