@@ -232,7 +232,6 @@ VERBS: dict[str, Row] = {
     "logs": ("Show the logs of a run as one, by lab time; also after its end.", _declare_logs, _logs),
     "events": ("Show what befell the processes of a run.", _declare_lines, _events),
     "stats": ("Show processor time and memory of the processes, each second.", _declare_usage, _usage),
-    "top": ("The same as stats.", _declare_usage, _usage),
     "facts": ("Show the facts that robots hold; also after the run.", _declare_facts, _facts),
     "config": ("Show the lab of a run, or a lab file, with all defaults.", _declare_config, _config),
     "kill": ("Kill robots, or send them another signal.", _declare_kill, _order("kill")),

@@ -1,4 +1,4 @@
-"""What `rmr` shows of runs: labs (`ls`), processes and what they use (`ps`, `stats`, `top`), `facts`, and `config`.
+"""What `rmr` shows of runs: labs (`ls`), processes and what they use (`ps`, `stats`), `facts`, and `config`.
 
 The launcher tells how its robots are. Where it does not answer, because it is starting, ending or dead, the processes
 of the record are shown, each looked up in the system. On Linux processor time and memory are read from /proc (proc(5));
@@ -178,7 +178,7 @@ def _age_s(pid: int) -> float | None:
     return float(round(time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK"), 1))
 
 
-# --- stats, top
+# --- stats
 
 
 def show_usage(folder: Path | None, lab: str | None, *, once: bool, as_json: bool) -> int:

@@ -36,7 +36,7 @@ def _declare(parser: Parser) -> None:
 
 
 def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
-    """Check programs; a command line with a lab is that of `rmr lab check`."""
+    """Check programs; a command line with a lab is one for `rmr_lab`."""
     if svg is not None or any(_is_lab(path) for path in programs):
         given = {"--json": as_json, "--explain": explain, "--no-code": no_code}
         flags = [flag for flag, is_given in given.items() if is_given]

@@ -35,7 +35,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "why": ("rmr_deploy.why_program:main", "Say why a fact of a run holds, or why it does not."),
     "sim": ("rmr_sim.main:main", "Run a lab deterministically, in virtual time."),
     "new": ("rmr_lab.main:new_main", "Write a lab of your own that runs at once."),
-    "lab": ("rmr_lab.main:main", "Check, draw, list and copy labs; the schema of the lab file."),
+    "lab": ("rmr_lab.main:main", "List and copy labs; the schema of the lab file."),
     "view": ("rmr_view.view:main", "Show a run in the browser, while it goes on or afterwards."),
     "lsp": ("rmr_editor.main:main", "Serve an editor: diagnostics, hover, rename and so on."),
     "plot": ("rmr_view.plot:main", "Draw pictures of a run, or figures of experiments."),
@@ -52,7 +52,6 @@ FLEET: dict[str, str] = {
     "logs": "Show the logs of a run as one, by lab time; also after its end.",
     "events": "Show what befell the processes of a run.",
     "stats": "Show processor time and memory of the processes, each second.",
-    "top": "The same as stats.",
     "facts": "Show the facts that robots hold; also after the run.",
     "config": "Show the lab of a run, or a lab file, with all defaults.",
     "kill": "Kill robots, or send them another signal.",
@@ -98,9 +97,28 @@ def _own(name: str) -> Runnable:
     return command
 
 
+HEADINGS: dict[str, str] = {
+    "programs": "check compile dis eval explain fmt lsp radio",
+    "labs": "new lab sim up agent world router keys",
+    "a lab that runs": "ls ps logs events stats facts config wait attach down "
+    "kill stop start restart pause unpause fault load",
+    "what a run leaves": "view why replay plot record",
+    "this machine": "doctor completion",
+}
+"""Heading of the help -> the subcommands under it, in the order in which they are listed."""
+
+
+def _subcommand(name: str, heading: str) -> Subcommand:
+    if name in COMMANDS:
+        return Subcommand(COMMANDS[name], partial(_own, name), heading)
+    if name in FLEET:
+        return Subcommand(FLEET[name], partial(OtherPackage, FLEET_FUNCTION, name), heading)
+    function, summary = PROGRAMS[name]
+    return Subcommand(summary, partial(OtherPackage, function), heading)
+
+
 command = CommandGroup(
     "One logic program for a whole ensemble of robots, with deadlines that hold.",
-    {name: Subcommand(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
-    | {name: Subcommand(summary, partial(OtherPackage, function)) for name, (function, summary) in PROGRAMS.items()}
-    | {name: Subcommand(summary, partial(OtherPackage, FLEET_FUNCTION, name)) for name, summary in FLEET.items()},
+    {name: _subcommand(name, heading) for heading, names in HEADINGS.items() for name in names.split()},
+    {"top": "rmr stats"},
 )

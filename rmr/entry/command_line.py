@@ -249,6 +249,8 @@ class Subcommand(NamedTuple):
     summary: str
     load: Callable[[], Runnable]
     """Imports and returns the command."""
+    heading: str = ""
+    """Under which the group lists it; in one order with its neighbours."""
 
 
 class CommandGroup(NamedTuple):
@@ -256,6 +258,8 @@ class CommandGroup(NamedTuple):
 
     about: str
     commands: Mapping[str, Subcommand]
+    moved: Mapping[str, str] = {}
+    """Commands that have gone -> what takes the place."""
 
     def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
         """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""
@@ -272,6 +276,8 @@ class CommandGroup(NamedTuple):
             if words[0].startswith("-"):
                 parser.read(words)
                 raise CommandLineError("missing: COMMAND")
+            if words[0] in self.moved:
+                raise CommandLineError(f"{name} {words[0]} is now {self.moved[words[0]]}")
             if words[0] not in self.commands:
                 raise CommandLineError(f"unknown command {words[0]!r}{did_you_mean(words[0], self.commands)}")
         except CommandLineError as error:
@@ -281,7 +287,13 @@ class CommandGroup(NamedTuple):
 
     def _listing(self) -> str:
         width = max(map(len, self.commands))
-        return "commands:\n" + "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in self.commands.items())
+        lines, heading = [], None
+        for name, entry in self.commands.items():
+            if entry.heading != heading:
+                heading = entry.heading
+                lines.append(f"{heading or 'commands'}:")
+            lines.append(f"  {name:{width}}  {entry.summary}")
+        return "\n".join(lines)
 
 
 # --- values

@@ -20,8 +20,7 @@ from rmr.commands.subcommands import PROGRAMS
 from rmr.commands.subcommands import command as main
 from rmr.entry.command_line import Runnable
 from rmr_deploy.why_program import why_command
-from rmr_lab.commands import command as lab
-from rmr_lab.commands import new
+from rmr_lab.commands import check, new
 from rmr_sim.main import main as simulate
 from rmr_view.plot import command as plot
 
@@ -82,8 +81,8 @@ def printed(command: str) -> str:
         return _invoked(new, arguments[1:])
     if arguments[:1] == ["plot"]:  # likewise
         return _invoked(plot(), arguments[1:])
-    if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab: `rmr lab check`
-        return _invoked(lab, arguments)
+    if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab
+        return _invoked(check, arguments[1:])
     assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"
     arguments = ["compile", *arguments] if name == "rmrc" else arguments
     return _invoked(main, arguments)

@@ -33,6 +33,7 @@ def run(site, cwd, code, *words):
 
 
 LAB = "from rmr_lab.main import main; main()"
+CHECK = "import sys; from rmr_lab.main import check_main; sys.exit(check_main())"
 NEW = "from rmr_lab.main import new_main; new_main()"
 SIM = "import sys; from rmr_sim.main import main; sys.exit(main())"
 
@@ -45,7 +46,7 @@ def test_wheel_holds_the_provided_labs_and_runs_them_by_name(site, tmp_path):
     assert [line.split()[0] for line in names.stdout.splitlines()] == expected
     result = run(site, tmp_path, SIM, "testbed", "--robots", "2", "--run", "run")
     assert result.returncode == 0, result.stderr
-    assert run(site, tmp_path, LAB, "check", *expected).returncode == 0
+    assert run(site, tmp_path, CHECK, *expected).returncode == 0
 
 
 def test_wheel_tells_its_name_and_its_commands(site, tmp_path):
@@ -59,7 +60,7 @@ def test_wheel_tells_its_name_and_its_commands(site, tmp_path):
 
 def test_wheel_writes_a_new_lab_that_runs(site, tmp_path):
     assert run(site, tmp_path, NEW, "shop").returncode == 0
-    assert run(site, tmp_path, LAB, "check", "shop", "--svg", "floor.svg").returncode == 0
+    assert run(site, tmp_path, CHECK, "shop", "--svg", "floor.svg").returncode == 0
     assert run(site, tmp_path, SIM, "shop").returncode == 0
 
 

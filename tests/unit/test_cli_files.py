@@ -11,7 +11,7 @@ from command_runner import invoke
 from rmr.commands.subcommands import command as rmr
 from rmr_agent.main import command as agent
 from rmr_deploy.up import command as up
-from rmr_lab.commands import command as lab
+from rmr_lab.commands import check
 from rmr_sim.main import command as sim
 from rmr_world.main import command as world
 
@@ -24,10 +24,9 @@ robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
 """
 COMMANDS = {
     **{f"rmr {name}": (rmr, name, "FILE") for name in ("compile", "eval", "fmt", "dis")},
-    "rmr check": (lab, "check", "FILE"),  # what `rmr check` becomes for a bare name: it would take this process's place
+    "rmr check": (check, "FILE"),  # what `rmr check` becomes for a bare name: it would take this process's place
     "rmr eval --facts": (rmr, "eval", "tiny.rmr", "--facts", "FILE"),
     "rmr eval --topology": (rmr, "eval", "tiny.rmr", "--topology", "FILE"),
-    "rmr lab check": (lab, "check", "FILE"),
     "rmr up": (up(), "FILE"),
     "rmr up --actions": (up(), "lab.yaml", "--actions", "FILE"),
     "rmr sim": (sim(), "FILE"),

@@ -137,6 +137,22 @@ def test_a_misspelt_subcommand_gets_a_near_miss(name, word):
     assert answer.stderr.startswith(f"{name}: unknown command '{word}q'; did you mean '{word}'?\nusage: {name} ")
 
 
+def test_a_command_that_has_gone_says_what_takes_its_place():
+    for name, word, place in (("rmr", "top", "rmr stats"), ("rmr lab", "check", "rmr check")):
+        answer = call(name, word, "x")
+        assert (answer.exit_code, answer.stdout) == (2, "")
+        assert answer.stderr.startswith(f"{name}: {name} {word} is now {place}\n")
+
+
+def test_the_help_lists_every_command_under_a_heading():
+    listed = [word for words in subcommands.HEADINGS.values() for word in words.split()]
+    assert sorted(listed) == sorted({**subcommands.COMMANDS, **subcommands.PROGRAMS, **subcommands.FLEET})
+    shown = call("rmr", "--help").stdout
+    at = [shown.index(f"\n{heading}:\n  {words.split()[0]} ") for heading, words in subcommands.HEADINGS.items()]
+    assert at == sorted(at)
+    assert "\ncommands:\n" in call("rmr keys", "--help").stdout
+
+
 @pytest.mark.parametrize("name", GROUPS)
 def test_a_group_without_a_subcommand_lists_them_and_ends_as_wrong_usage(name):
     answer = call(name)
@@ -144,7 +160,7 @@ def test_a_group_without_a_subcommand_lists_them_and_ends_as_wrong_usage(name):
     assert all(re.search(rf"^  {word} ", answer.stderr, re.MULTILINE) for word in GROUPS[name].commands)
 
 
-@pytest.mark.parametrize("name", ["rmr up", "rmr sim", "rmr check", "rmr lab check"])
+@pytest.mark.parametrize("name", ["rmr up", "rmr sim", "rmr check"])
 def test_a_misspelt_lab_gets_a_near_miss(name):
     answer = call(name, "coridor")
     assert answer.exit_code == 2
@@ -217,7 +233,7 @@ def test_the_commands_of_a_group_are_completed_with_their_summaries(name, comple
 
 def test_words_are_completed_where_the_cursor_stands(completed):
     assert completed("rmr", "si") == {"sim": subcommands.PROGRAMS["sim"][1]}
-    assert completed("rmr", "lab", "check", "te") == {"testbed": "a provided lab", FILES: ""}
+    assert completed("rmr", "check", "te") == {"testbed": "a provided lab", FILES: ""}
     assert set(completed("rmr", "sim", "--seed", "3", "--see")) == {"--seed", "--seeds"}
     assert completed("rmr", "sim", "--seed", "") == completed("rmr", "sim", "--seed=") == {}
     assert set(completed("rmr-agent", "--durability", "p")) == {"process", "power"}

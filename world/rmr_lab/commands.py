@@ -11,7 +11,7 @@ from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandGroup, CommandLineError, Parser, Runnable, Subcommand
 from rmr_world.provided_labs import existing_lab, provided_labs
 
-# --- rmr lab check
+# --- rmr check LAB
 
 
 def _declare_check(parser: Parser) -> None:
@@ -174,11 +174,11 @@ def _entry(summary: str, command: Runnable) -> Subcommand:
 
 
 command = CommandGroup(
-    "Check, draw, list and copy labs; print the schema of the lab file.",
+    "List and copy labs; print the schema of the lab file.",
     {
-        "check": _entry("Check labs and their programs; draw them.", check),
         "schema": _entry("Print the JSON Schema of the lab file.", _SCHEMA),
         "list": _entry("List the provided labs.", _LIST),
         "copy": _entry("Copy a provided lab into a folder of your own.", _COPY),
     },
+    {"check": "rmr check"},
 )

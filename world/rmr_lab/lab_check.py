@@ -1,4 +1,4 @@
-"""`rmr lab check`, which `rmr check LAB` becomes: programs and labs are checked as `rmr sim` and `rmr up` check them.
+"""`rmr check LAB`: programs and labs are checked as `rmr sim` and `rmr up` check them.
 
 Checked are the lab file, its program, both together, the radio's key, and the files of actions and events. As many
 errors as possible are reported at once: the program of a wrong lab file is compiled, too. All findings are one list,

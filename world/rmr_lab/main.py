@@ -13,7 +13,7 @@ def main(words: Sequence[str] | None = None, name: str = "rmr lab") -> int:
 
 
 def check_main(words: Sequence[str] | None = None, name: str = "rmr check") -> int:
-    """Check labs, as `rmr lab check` does, in the name of the command that was given; return the exit code."""
+    """Check labs in the name of the command that was given; return the exit code."""
     return run(name, lambda: _carry_out("check", words, name))
 
 

@@ -368,7 +368,7 @@ def test_processor_time_memory_facts_and_lab_of_a_run_are_shown(start):
     used = {row["name"]: row for row in json.loads(line)["processes"]}
     assert list(used) == ["launcher", "world", "robot-1", "robot-2"]
     assert all(row["memory_mb"] > 1.0 and row["cpu_percent"] >= 0.0 for row in used.values())
-    assert rmr("top", "--once").stdout.splitlines()[0].startswith("NAME")
+    assert rmr("stats", "--once").stdout.splitlines()[0].startswith("NAME")
     eventually(lambda: rmr("facts", "2").stdout == "waiting(@2)\n")
     assert rmr("facts").stdout == "1: waiting(@1)\n2: waiting(@2)\n"
     assert json.loads(rmr("facts", "--json", "--predicate", "at", "1").stdout)["facts"] == {"1": []}

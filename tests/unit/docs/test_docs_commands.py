@@ -55,7 +55,7 @@ OWN_FORM = {"rmr_deploy/fleet_listing.py": "a lab file", "rmr_deploy/router_conf
     [
         ("rmr check --json", "check --json p.rmr"),
         ("rmr check --json", "check --json --explain p.rmr"),
-        ("rmr lab check --json", "lab check --json corridor"),
+        ("rmr check --json", "check --json corridor"),
         ("rmr compile --json", "compile --json p.rmr"),
         ("rmr fmt --json", "fmt --check --json p.rmr"),
         ("rmr explain --json", "explain --json"),

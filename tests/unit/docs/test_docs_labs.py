@@ -23,8 +23,8 @@ from rmr_deploy.lab_run import make_report
 from rmr_deploy.preparation import RunOptions, RunPlan
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.up import command
+from rmr_lab.commands import check, new
 from rmr_lab.commands import command as lab
-from rmr_lab.commands import new
 from rmr_sim.main import main as sim
 from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.violation import Violation
@@ -182,7 +182,7 @@ def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_other
 def test_the_commands_of_rmr_lab_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr check LAB") + section(PAGE, "rmr lab") + section(PAGE, "rmr new NAME")
     documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+(?:-[a-z]+)*)[^`]*`", text)) - {"--help", "-h", "--version"}
-    commands = [*(entry.load() for entry in lab.commands.values()), new]
+    commands = [*(entry.load() for entry in lab.commands.values()), check, new]
     offered = {name for each in commands for name in each.parser("x").names}
     assert documented == offered - {"--help", "-h", "--version"}
     assert {f"rmr lab {name}" for name in lab.commands} <= set(re.findall(r"`(rmr lab [a-z]+)", text))

@@ -10,7 +10,8 @@ import pytest
 from command_runner import invoke
 
 from rmr_lab import lab_check
-from rmr_lab.commands import command
+from rmr_lab.commands import check as command
+from rmr_lab.commands import command as lab
 from rmr_lab.picture import draw
 from rmr_world.bound import destinations
 from rmr_world.lab_file import load_lab
@@ -46,13 +47,13 @@ def room(folder, *, lab=LAB, program=PROGRAM, actions=ACTIONS):
 
 
 def check(*words):
-    result = invoke(command, ["check", *map(str, words)])
+    result = invoke(command, [*map(str, words)])
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result
 
 
 def listed(folder):
-    result = invoke(command, ["check", "--json", str(folder)])
+    result = invoke(command, ["--json", str(folder)])
     found = json.loads(result.stdout)["diagnostics"]
     assert all(sorted(each) == KEYS for each in found)
     return [(Path(each["file"]).name, each["line"], each["severity"], each["message"]) for each in found], result
@@ -167,7 +168,7 @@ def test_missing_lab_is_wrong_usage_with_the_nearest_name():
 
 
 @pytest.mark.medium
-def test_rmr_check_of_a_lab_becomes_rmr_lab_check(tmp_path):
+def test_rmr_check_of_a_lab_checks_the_lab(tmp_path):
     words = [sys.executable, "-m", "rmr.cli", "check", "--json", str(room(tmp_path))]
     code = "import sys; from rmr.cli import main; main()"
     result = subprocess.run([sys.executable, "-c", code, *words[3:]], capture_output=True, text=True, check=False)
@@ -229,7 +230,7 @@ def test_picture_or_schema_that_cannot_be_written_is_wrong_usage(tmp_path):
     result = check("corridor", "--svg", place)
     assert result.exit_code == 2
     assert f"{place}: No such file or directory" in result.output
-    result = invoke(command, ["schema", "-o", str(place)])
+    result = invoke(lab, ["schema", "-o", str(place)])
     assert (result.exit_code, result.output) == (2, f"{place}: No such file or directory\n")
 
 

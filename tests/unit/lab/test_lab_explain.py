@@ -8,7 +8,7 @@ from command_runner import invoke
 
 from rmr.base.arena import Arena, Disc
 from rmr.base.geometry import Point
-from rmr_lab.commands import command
+from rmr_lab.commands import check as command
 from rmr_lab.text_map import COLUMNS_MAX, ROWS_MAX, text_map
 
 ROOT = Path(__file__).parents[3]
@@ -16,7 +16,7 @@ EXAMPLES = ROOT / "docs" / "examples" / "labs"
 
 
 def check(*words):
-    return invoke(command, ["check", *map(str, words)])
+    return invoke(command, [*map(str, words)])
 
 
 def explained(lab):
