@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "eval": "Run a program on robots without bodies.",
     "explain": "Explain an error or a warning.",
     "fmt": "Bring programs into canonical layout.",
+    "man": "Write a manual page for each command.",
     "radio": "Try what the radio will carry.",
     "record": "Join, recover and list recordings of runs.",
     "replay": "Execute the recorded minds of a run anew and check them.",
@@ -103,7 +104,7 @@ HEADINGS: dict[str, str] = {
     "a lab that runs": "ls ps logs events stats facts config wait attach down "
     "kill stop start restart pause unpause fault load",
     "what a run leaves": "view why replay plot record",
-    "this machine": "doctor completion",
+    "this machine": "doctor completion man",
 }
 """Heading of the help -> the subcommands under it, in the order in which they are listed."""
 

@@ -287,11 +287,12 @@ class CommandGroup(NamedTuple):
 
     def _listing(self) -> str:
         width = max(map(len, self.commands))
-        lines, heading = [], None
+        lines: list[str] = []
+        heading = None
         for name, entry in self.commands.items():
             if entry.heading != heading:
                 heading = entry.heading
-                lines.append(f"{heading or 'commands'}:")
+                lines += [*([""] if lines else []), f"{heading or 'commands'}:"]
             lines.append(f"  {name:{width}}  {entry.summary}")
         return "\n".join(lines)
 
