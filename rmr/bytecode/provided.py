@@ -68,6 +68,11 @@ PREDICATES: dict[str, ProvidedPredicate] = {
             (_ROBOT, _FLOAT),
             doc="distance to a neighbor in metres, estimated from signal strength, steps of 0.1",
         ),
+        ProvidedPredicate(
+            "silent",
+            (_ROBOT,),
+            doc="the other has been silent for 15 seconds: neither this robot nor one that it hears has heard it",
+        ),
         ProvidedPredicate("obstacle", (), doc="something is in the field of view, or the hull touches something"),
         ProvidedPredicate(
             "battery",

@@ -205,6 +205,7 @@ class Node:
             self.actions.next_wake,
             self.messenger.next_wake,
             self.crossings.next_wake,
+            self._proximity.next_wake,
         )
 
     def _motor(self, now: Instant) -> None:
@@ -256,6 +257,7 @@ class Node:
             ("a fact under way", not self.messenger.exchange.idle),
             ("an action", not self.actions.idle),
             ("a deadline", machine.quiescent and machine.next_wake < NEVER),
+            ("the silence of a robot", self._proximity.next_wake < NEVER),
         )
         return tuple([words for words, holds in checks if holds])
 

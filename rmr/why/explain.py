@@ -47,6 +47,7 @@ SENSES: Final = {
     "robots": "from the list of robots",
     "neighbor": "sensed by the radio",
     "range": "sensed by the radio",
+    "silent": "not heard for 15 seconds",
     "obstacle": "sensed by view or bumper",
     "turn": "from the schedule",
     "leads": "from the election",

@@ -11,7 +11,7 @@ from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr_world.lab import Lab
 
-SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range"})
+SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range", "silent"})
 """Facts that need a body. Neighbors are known from hellos, which carry a position."""
 
 

@@ -135,8 +135,12 @@ class LinkSensing:
 
     def _begins(self, now: Instant) -> bool:
         """Return whether the robots of the lab have just begun, so that nobody presumes anybody dead."""
+        return not self._late and now - self.first_at(now) <= self.lasts
+
+    def first_at(self, now: Instant) -> Instant:
+        """Return the first instant of the robot's life that is known, `now` at the latest."""
         self._first_at = min(self._first_at, now)
-        return not self._late and now - self._first_at <= self.lasts
+        return self._first_at
 
     def _majority_until(self, now: Instant, *, settled: bool) -> Instant:
         """Return until when the symmetric links, as they are known now, are those of a majority."""
