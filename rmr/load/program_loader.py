@@ -332,9 +332,12 @@ class ProgramLoader:
         )
 
     def _fragments(self, running: RunningProgram) -> Fragments:
-        if self._own is None or self._own.digest != running.digest:
-            self._own = Fragments.of(running.digest, running.octets, self.octets_max - FRAGMENT_HEAD)
-        return self._own
+        """Return the fragments in which other robots are given the program: those of a load over the bus are larger."""
+        own = self._own
+        octets_max = self.octets_max - FRAGMENT_HEAD
+        if own is None or own.digest != running.digest or own.piece_octets > octets_max:
+            own = self._own = Fragments.of(running.digest, running.octets, octets_max)
+        return own
 
     def _told(self, now: Instant, message: LoadMessage, source: int) -> None:
         if message.version == self.version and self._tell_at < NEVER:
