@@ -43,7 +43,12 @@ log = logging.getLogger("rmr")
 
 
 def _load(options: argparse.Namespace) -> RobotSetup:
-    loaded = no_program() if options.program is None else load_program(options.program)
+    trust = None
+    if options.trust is not None:
+        from rmr.bus.signing import read_trust  # noqa: PLC0415 - heavy, and used with trust alone
+
+        trust = read_trust(options.trust)
+    loaded = no_program(trust) if options.program is None else load_program(options.program, trust)
     check_actions(loaded.program, load_handlers(options.actions))
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
@@ -60,7 +65,7 @@ def _states(options: argparse.Namespace, loaded: Loaded) -> dict[int, StateFolde
         raise RefusedError("--state needs a program: the state of a robot belongs to the program that it began with")
     several = len(options.id) > 1
     folders = {robot: options.state / str(robot) if several else options.state for robot in options.id}
-    own = (options.durability, loaded.octets, options.snapshots << 10, options.state_key)
+    own = (options.durability, loaded.octets, options.snapshots << 10, options.state_key, options.trust)
     return {robot: StateFolder(path, robot, loaded.digest, *own) for robot, path in folders.items()}
 
 
@@ -128,14 +133,16 @@ def perform(options: argparse.Namespace) -> int:
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
-    if missing := unreadable((options.program, options.actions, options.radio_key, secret_file(options.secret))):
+    if missing := unreadable(
+        (options.program, options.actions, options.radio_key, *map(secret_file, (options.secret, options.trust)))
+    ):
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
-        setup = _load(options)
         secret = read_credentials(options.secret)
         if isinstance(secret, Certificate):
             secret.check_role("robot", robots=options.id)
+        setup = _load(options)
     except (RefusedError, SecretError, CertificateError) as error:
         print(f"{who}: {error}", file=sys.stderr)
         return ExitCode.INVALID

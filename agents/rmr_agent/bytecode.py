@@ -1,14 +1,17 @@
 """The robot's byte-code: read, verified, and complete in its actions, before anything of it runs."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rmr.bytecode import codec
-from rmr.bytecode.layout import SIZE_MAX
+from rmr.bytecode.layout import SIZE_MAX, split
 from rmr.bytecode.program import Program
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
+
+if TYPE_CHECKING:
+    from rmr.bus.signing import Trust
 
 
 class RefusedError(Exception):
@@ -21,14 +24,20 @@ class Loaded(NamedTuple):
     program: Program
     digest: int
     octets: bytes
+    trust: "Trust | None" = None
+    """Whose programs the robot runs, this one and those that it is loaded with; None: anybody's."""
+
+    def distrusts(self, octets: bytes) -> str:
+        """Return why the robot is not to run the byte-code in `octets`, and what to do. Raises BytecodeError."""
+        return "" if self.trust is None else self.trust.problem(*split(octets))
 
 
-def no_program() -> Loaded:
+def no_program(trust: "Trust | None" = None) -> Loaded:
     """Return what a robot has that waits for its first program: an empty one that is never started."""
-    return Loaded(Program(()), 0, b"")
+    return Loaded(Program(()), 0, b"", trust)
 
 
-def load_program(path: Path) -> Loaded:
+def load_program(path: Path, trust: "Trust | None" = None) -> Loaded:
     """Return the verified program in `path`. Raises RefusedError."""
     try:
         with path.open("rb") as file:
@@ -36,7 +45,10 @@ def load_program(path: Path) -> Loaded:
     except OSError as error:
         raise RefusedError(f"{path}: {error.strerror or error}") from None
     try:
-        return Loaded(codec.decode(data), codec.digest(data), data)
+        loaded = Loaded(codec.decode(data), codec.digest(data), data, trust)
+        if why := loaded.distrusts(data):
+            raise RefusedError(f"{path}: {why}")
+        return loaded
     except codec.BytecodeError as error:
         hint = " (compile it first: rmrc PROG.rmr)" if path.suffix == ".rmr" else ""
         raise RefusedError(f"{path}: {error}{hint}") from None

@@ -65,6 +65,12 @@ def _declare(parser: "Parser") -> None:
     )
     parser.option("--keys", read=Path, metavar="DIR", help="the robots' keys, for tls/HOST:PORT (default: RMR_KEYS)")
     parser.option(
+        "--trust",
+        read=Path,
+        metavar="CA.pem",
+        help="run programs alone that an operator of this CA has signed (rmr sign; default: the CA of --keys)",
+    )
+    parser.option(
         "--lab", read=lambda text: Keys(text).lab, metavar="NAME", help="the lab, where several run at one endpoint"
     )
     parser.option(
@@ -106,8 +112,10 @@ def _live(**options: Any) -> int:
     if options["durability"] == "power" and options["state"] is None:
         raise CommandLineError("--durability says what a state survives: name its folder with --state DIR")
     options["secret"] = credentials_path(options["secret"], options.pop("keys"), [options["connect"]])
+    if options["trust"] is None and options["secret"] is not None and options["secret"].is_dir():
+        options["trust"] = options["secret"]
     options["connect"] = options["connect"] or default_endpoint(options["secret"])
-    for name in ("state", "record", "log", "secret"):  # a handler may change the present folder
+    for name in ("state", "record", "log", "secret", "trust"):  # a handler may change the present folder
         options[name] = options[name] and options[name].absolute()
     try:
         with Loading("rmr_agent.agent_process"):

@@ -55,6 +55,7 @@ class ProgramUpdates:
         self._node = node
         self._config = config
         self._station = station
+        self._loaded = loaded
         self._handlers = handlers
         self._answer = answer
         self._now = now
@@ -65,8 +66,20 @@ class ProgramUpdates:
         self.endpoint = LoadEndpoint(loader, self._send)
 
     def _fit(self, octets: bytes, digest: int) -> Program:
+        try:
+            return self._fitting(octets, digest)
+        except UnfitError as error:
+            log.warning("refuses to be loaded with program %08x: %s", digest, error)
+            raise
+
+    def _fitting(self, octets: bytes, digest: int) -> Program:
         if isinstance(self._node, DurableNode):
             raise UnfitError("its state on disk belongs to its program")
+        try:
+            if why := self._loaded.distrusts(octets):
+                raise UnfitError(why)
+        except codec.BytecodeError as error:
+            raise UnfitError(str(error)) from error
         config = self._config
         program = fitting_program(octets, digest, config.arena, config.finish, self._handlers, self._node.program)
         if self._configure is not None:

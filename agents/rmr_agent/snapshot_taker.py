@@ -19,9 +19,10 @@ log = logging.getLogger("rmr")
 class SnapshotTaker:
     """Takes the snapshots in one folder."""
 
-    def __init__(self, folder: Path, robot: int, key: StateKey) -> None:
+    def __init__(self, folder: Path, robot: int, key: StateKey, trust: Path | None = None) -> None:
         self._folder = folder
         self._key = key
+        self._trust = trust
         self._robot = robot
         self._guard = threading.Lock()
         self._wanted = 0
@@ -83,7 +84,13 @@ class SnapshotTaker:
                 self._thread = None
                 return None
             program = [sys.executable, "-m", "rmr_agent.take_snapshot"]
-            words = [*program, str(self._folder), str(segment), str(self._key.file)]
+            words = [
+                *program,
+                str(self._folder),
+                str(segment),
+                str(self._key.file),
+                *([str(self._trust)] if self._trust else []),
+            ]
             self._process = subprocess.Popen(
                 words,
                 stdin=subprocess.DEVNULL,

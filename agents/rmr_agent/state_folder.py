@@ -132,12 +132,13 @@ class StateFolder:
         octets: bytes = b"",
         segment_octets: int = SEGMENT_OCTETS,
         key_file: Path | None = None,
+        trust: Path | None = None,
     ) -> None:
         """Take the folder of `robot`, which runs the `program` of this digest. Raises StateRefusedError.
 
         `octets` are the program. A snapshot is taken each time that the journal has grown by `segment_octets`; without
         a program, or at 0, or where rmr is compiled, there are none. Their key is in `key_file`, which is made where
-        one is needed; None: the user's own.
+        one is needed; None: the user's own. Where there is `trust`, snapshots are taken with a program that it allows.
         """
         self.path = path
         self._octets = octets
@@ -160,7 +161,7 @@ class StateFolder:
         self._key = StateKey(path, b"")
         if snapshots or self._segment_octets:
             self._key = self._owned_key(key_file)
-            self._taker = SnapshotTaker(path, robot, self._key)
+            self._taker = SnapshotTaker(path, robot, self._key, trust)
         self.found: FoundState = NEW
         """What the folder held."""
         self.header: JournalHeader | None = None

@@ -57,7 +57,11 @@ def _declare_issue(parser: "Parser") -> None:
     parser.flag("--world", help="the world, which may listen")
     parser.option("--router", metavar="HOST", dest="routers", repeatable=True, help="the router of a host")
     parser.option(
-        "--operator", metavar="NAME", dest="operators", repeatable=True, help="who steers the lab: rmr fault, rmr load"
+        "--operator",
+        metavar="NAME",
+        dest="operators",
+        repeatable=True,
+        help="who steers the lab: rmr fault, rmr load, rmr sign",
     )
     parser.option("--viewer", metavar="NAME", dest="viewers", repeatable=True, help="who watches: rmr attach, rmr view")
     parser.option(
@@ -183,6 +187,8 @@ def _revoke(folder: Path, who: "Holder") -> None:
     number = Authority(folder).revoke(who)
     what = "its certificate" if number == 1 else f"all {number} certificates"
     print(f"revoked {who}: {what}; give each router, and a world that listens, a new bundle, and restart it")
+    if who.role == "operator":
+        print(f"  and each robot: until then it takes programs that {who} has signed")
 
 
 def _told(perform: Callable[..., None]) -> Callable[..., int]:

@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +17,7 @@ from rmr.base.errors import ProgramError
 from rmr.base.ids import spelled
 from rmr.base.time import NS_PER_S, Duration, Instant
 from rmr.bus import wire
+from rmr.bus.certificates import CertificateError
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, Keys, last_id
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode, print_json
@@ -24,6 +26,7 @@ from rmr.load.load_messages import LoadError
 from rmr.load.load_pace import BUS
 from rmr_deploy.disturb import WorldAddress, ask_world, find, keys_of, opened
 from rmr_deploy.run_choice import FleetError
+from rmr_deploy.sign import signed
 from rmr_world.finding import LabError
 from rmr_world.lab_program import LoadedProgram, load_program
 
@@ -118,8 +121,15 @@ async def distribute(
     via: str = "bus",
     dry: bool = False,
 ) -> Outcome:
-    """Distribute `program` to `robots` (None: all of the lab); return the outcome. Raises FleetError."""
+    """Distribute `program` to `robots` (None: all of the lab); return the outcome. Raises FleetError.
+
+    On a bus with keys it is signed with the operator's, if nobody has signed it yet.
+    """
     with opened(place) as bus:
+        try:
+            program = replace(program, octets=signed(program.octets, place.secret))
+        except CertificateError as error:
+            raise FleetError(str(error), ExitCode.INVALID) from None
         told = await _started(bus, keys, place.endpoint)
         heard_ns = time.monotonic_ns()
         keys = Keys(told.lab) if keys.lab == ANY_LAB else keys

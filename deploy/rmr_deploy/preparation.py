@@ -29,6 +29,7 @@ from rmr.record.run_files import attach_files
 from rmr_deploy.active_runs import OPERATOR_KEYS
 from rmr_deploy.resolved_lab import write_lab
 from rmr_deploy.restarts import RestartPolicy
+from rmr_deploy.sign import signed
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import lab_path, load_lab, radio_key
@@ -184,6 +185,7 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
         raise RunRefusedError(str(error), ExitCode.USAGE) from error
     try:
         _keep_private(plan)
+        plan = _signed(plan)
         plan.logs.mkdir()
         with naming(plan.byte_code):
             plan.byte_code.write_bytes(plan.program.octets)
@@ -227,6 +229,18 @@ def _keep_private(plan: RunPlan) -> None:
         plan.secret.unlink()
         message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
+
+
+def _signed(plan: RunPlan) -> RunPlan:
+    """Return `plan` with its program signed by the operator, if its robots have keys. Raises RunRefusedError."""
+    if plan.options.keys is None:
+        return plan
+    try:
+        octets = signed(plan.program.octets, plan.secret)
+    except CertificateError as error:
+        plan.forget_secret()
+        raise RunRefusedError(str(error), ExitCode.INVALID) from None
+    return replace(plan, program=replace(plan.program, octets=octets))
 
 
 def _keys(lab: Lab, options: RunOptions) -> Path | None:

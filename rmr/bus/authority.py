@@ -249,10 +249,12 @@ class Authority:
             raise CertificateError(wrong)
         files = {CA_FILE: self.folder / CA_FILE, CERTIFICATE_FILE: file, KEY_FILE: key_file}
         octets = {name: path.read_bytes() for name, path in files.items()}
+        lists = {}
+        if who.role in {"robot", *LISTENERS}:  # a robot runs no program that somebody revoked has signed
+            lists[REVOKED_FILE] = self.revoked()
         if who.role in LISTENERS:
-            for name, subjects in ((REVOKED_FILE, self.revoked()), (MEMBERS_FILE, self.members())):
-                octets[name] = "".join(f"{subject}\n" for subject in subjects).encode()
-        return octets
+            lists[MEMBERS_FILE] = self.members()
+        return octets | {name: "".join(f"{one}\n" for one in lists[name]).encode() for name in lists}
 
     # --- its folder
 

@@ -296,10 +296,15 @@ def parsed(octets: bytes, file: Path) -> "x509.Certificate":
 
 def _holders(folder: Path, name: str) -> tuple[Holder, ...]:
     """Return whom the lines of a file name. Raises CertificateError."""
+    return holders_in(read_file(folder, name), folder / name)
+
+
+def holders_in(octets: bytes, file: Path) -> tuple[Holder, ...]:
+    """Return whom the lines in the `octets` of `file` name. Raises CertificateError."""
     try:
-        return tuple(map(Holder.read, read_file(folder, name).decode(errors="replace").split()))
+        return tuple(map(Holder.read, octets.decode(errors="replace").split()))
     except ValueError as error:
-        raise CertificateError(f"{folder / name}: {error}") from None
+        raise CertificateError(f"{file}: {error}") from None
 
 
 def read_file(folder: Path, name: str) -> bytes:

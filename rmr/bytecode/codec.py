@@ -20,6 +20,7 @@ from rmr.bytecode.layout import (
     VERSION,
     assemble,
     read_layout,
+    split,
 )
 from rmr.bytecode.octets import BytecodeError
 from rmr.bytecode.program import Program, Strategy
@@ -70,6 +71,7 @@ def decode(data: bytes) -> Program:
 
 
 def _verified(data: bytes) -> Program:
+    data = split(data).program
     program = decode_tables(data, read_layout(data))
     reasons = verify(program)
     if reasons:
@@ -80,11 +82,12 @@ def _verified(data: bytes) -> Program:
 def digest(data: bytes) -> int:
     """Return the 32-bit fingerprint by which robots compare their programs.
 
-    It is the BLAKE2b hash of the byte-code without the debug table, which a run does not read.
+    It is the BLAKE2b hash of the byte-code without the debug table and signature, which a run does not read.
 
     Raises:
         BytecodeError: `data` is no intact byte-code.
     """
+    data = split(data).program
     layout = read_layout(data)
     tables = {name: (table.entries, data[table.start : table.end]) for name, table in layout.tables.items()}
     plain = assemble(layout.flags & ~FLAG_DEBUG, {**tables, DEBUG: (0, b"")})

@@ -11,7 +11,18 @@ from typing import TypeVar
 from rmr.base.values import Value, format_value
 from rmr.bytecode.decoder import INSTRUCTION, Note, decode_tables
 from rmr.bytecode.functions import FUNCTIONS
-from rmr.bytecode.layout import CRC_OFFSET, FLAG_WORDS, HEADER, TABLES, VERSION, Layout, read_layout, tables_of
+from rmr.bytecode.layout import (
+    CRC_OFFSET,
+    FLAG_WORDS,
+    HEADER,
+    SIGNED_HEAD,
+    TABLES,
+    VERSION,
+    Layout,
+    read_layout,
+    split,
+    tables_of,
+)
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import (
     Aggregate,
@@ -70,6 +81,7 @@ def disassemble(data: bytes) -> str:
         BytecodeError: `data` is no byte-code of this version, damaged or malformed.
     """
     notes: list[Note] = []
+    whole, (data, certificate, signature) = data, split(data)
     layout = read_layout(data)
     text = _Text(decode_tables(data, layout, notes))
     entries = {table: [note for note in notes if note.table == table] for table in tables_of(layout.flags)}
@@ -83,6 +95,13 @@ def disassemble(data: bytes) -> str:
                 lines.extend(_expression(data, text, instructions, number, note))
             else:
                 lines.extend(_line(data, note.start, note.end, f"{number}: {text.entry(number, note)}"))
+    if signature:
+        sizes = f"a certificate of {len(certificate)} octets, a signature of {len(signature)}"
+        lines.append(f"; signed: {sizes}")
+        lines.extend(_line(whole, layout.size, layout.size + SIGNED_HEAD.size, "magic and sizes"))
+        signed = layout.size + SIGNED_HEAD.size + len(certificate)
+        lines.extend(_line(whole, layout.size + SIGNED_HEAD.size, signed, "certificate"))
+        lines.extend(_line(whole, signed, len(whole), "signature"))
     return "\n".join(lines) + "\n"
 
 

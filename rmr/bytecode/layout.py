@@ -13,6 +13,15 @@
 
 As in the paper, the number of facts and rules and the offset of the first of each are found without reading anything
 else. The order of the tables is `TABLES`; a table refers to entries of others by index.
+
+A signed program has more behind it (`Signed`). What is signed are the octets of the file as it was before, so that it
+is the same program with and without; only who judges signatures (`rmr.bus.signing`) reads what stands there.
+
+    0       4       magic ``RMRS``
+    4       2       octets of the certificate, little-endian
+    6       2       octets of the signature, little-endian
+    8       ...     the certificate of the signer (X.509, DER)
+    ...     ...     the signature (ECDSA, DER), to the end of the file
 """
 
 import struct
@@ -36,9 +45,11 @@ FLAG_WORDS = {
 """What each flag says."""
 HEADER = struct.Struct("<4sBBII")
 CRC_OFFSET = 10
+SIGNED_MAGIC = b"RMRS"
+SIGNED_HEAD = struct.Struct("<4sHH")
 SIZE_MAX = 1 << 22
-"""Largest file in octets: robots have megabytes, not gigabytes (paper V.B.2), and a decoded octet may take thirty in
-memory."""
+"""Largest file in octets, with its signature: robots have megabytes, not gigabytes (paper V.B.2), and a decoded octet
+may take thirty in memory."""
 
 DEBUG = "debug"
 """The table that a run does not read."""
@@ -69,6 +80,46 @@ class Layout(NamedTuple):
     directory: int
     """Offset of the directory."""
     tables: dict[str, Table]
+
+
+class Signed(NamedTuple):
+    """A file, and who has signed it, as the file says: nothing of that is checked here."""
+
+    program: bytes
+    """The octets that are signed; all of the file if it is not."""
+    certificate: bytes = b""
+    signature: bytes = b""
+
+    def joined(self) -> bytes:
+        """Return the file. Raises BytecodeError if it exceeds `SIZE_MAX`."""
+        head = SIGNED_HEAD.pack(SIGNED_MAGIC, len(self.certificate), len(self.signature)) if self.signature else b""
+        data = self.program + head + self.certificate + self.signature
+        if len(data) > SIZE_MAX:
+            raise BytecodeError(f"the program takes {len(data)} octets with its signature, at most {SIZE_MAX}")
+        return data
+
+
+def split(data: bytes) -> Signed:
+    """Return the program in `data` and its signature, if it has one.
+
+    Raises:
+        BytecodeError: the signature is not whole.
+    """
+    size = HEADER.unpack_from(data)[3] if len(data) >= HEADER.size and data.startswith(MAGIC) else len(data)
+    rest = data[size : size + SIGNED_HEAD.size]
+    if size < HEADER.size or not rest or not rest.startswith(SIGNED_MAGIC[: len(rest)]):
+        return Signed(data)  # whether that is byte-code is seen by `read_layout`
+    there = len(data) - size
+    if there < SIGNED_HEAD.size:
+        raise BytecodeError(f"truncated: {there} octets of its signature are there, the head alone has 8")
+    _, certificate, signature = SIGNED_HEAD.unpack(rest)
+    begins = size + SIGNED_HEAD.size
+    wanted = SIGNED_HEAD.size + certificate + signature
+    if there < wanted:
+        raise BytecodeError(f"truncated: {there} of {wanted} octets of its signature are there; sign it anew")
+    if there > wanted or not certificate or not signature:
+        raise BytecodeError(f"malformed signature: its head says {wanted} octets, {there} are there; sign it anew")
+    return Signed(data[:size], data[begins : begins + certificate], data[begins + certificate :])
 
 
 def checksum(data: bytes) -> int:

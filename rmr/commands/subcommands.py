@@ -42,6 +42,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "plot": ("rmr_view.plot:main", "Draw pictures of a run, or figures of experiments."),
     "agent": ("rmr_agent.main:main", "Run one robot."),
     "keys": ("rmr_deploy.keys_program:main", "Issue the keys by which processes of a lab know each other."),
+    "sign": ("rmr_deploy.sign:main", "Sign a program, for robots that run signed ones alone."),
     "router": ("rmr_deploy.router:main", "Run a router between the hosts of a lab."),
     "world": ("rmr_world.main:main", "Run the world server of a lab."),
 }

@@ -17,6 +17,8 @@ from rmr.bus import admission, authority
 from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.certificates import CERTIFICATE_FILE, read_certificate
 from rmr.bus.middleware import router_settings
+from rmr.bytecode.layout import split
+from rmr_deploy.sign import signed
 
 pytestmark = pytest.mark.slow
 
@@ -35,6 +37,12 @@ class Lab:
             self.issue(who)
         for who in ("world", "router/127.0.0.1"):  # whose folders name all others
             self.bundle(who)
+        self.sign()
+
+    def sign(self):
+        """Sign the program of the robots, as they run no other."""
+        program = self.stage.folder / "idle.rbc"
+        program.write_bytes(signed(program.read_bytes(), self.keys("operator/ann"), anew=True))
 
     def issue(self, who, days=365):
         """Issue a certificate, and write the folder of its process."""
@@ -140,6 +148,21 @@ def test_operators_and_viewers_are_let_in_for_what_they_do(lab):
     assert said.endswith("the keys of viewer/bob, where those of operator are needed; issue them with rmr keys issue")
 
 
+def test_robots_with_keys_run_signed_programs_alone_and_an_operator_who_loads_one_signs_it(lab):
+    unsigned = lab.stage.folder / "unsigned.rbc"
+    unsigned.write_bytes(split((lab.stage.folder / "idle.rbc").read_bytes()).program)
+    where = ("--connect", lab.stage.endpoint, "--keys")
+    said = lab.refused("rmr_agent.main", "--id", 1, unsigned, *where, lab.keys("robot/1"), code=3)
+    assert f"{unsigned}: it is not signed, as all programs of this robot must be: rmr sign PROG.rbc --keys DIR" in said
+    lab.world().wait_for("lab bench, 2 robots")
+    robots = [lab.robot(robot) for robot in (1, 2)]
+    for robot in robots:
+        robot.wait_for("is in lab bench")
+    assert lab.stage.start("rmr_deploy.load", unsigned, *where, lab.keys("operator/ann")).exit_code() == 0
+    for robot in robots:
+        robot.wait_for("runs program")
+
+
 # --- refused
 
 
@@ -176,7 +199,8 @@ def foreign(lab, who="robot/1"):
 
 def test_keys_of_another_ca_are_told(lab):
     lab.world().wait_for("lab bench, 2 robots")
-    said = lab.refused(*agent(lab, "--connect", lab.stage.endpoint, "--keys", foreign(lab)))
+    waits = agent(lab)[:-1]  # without a program: it would take none that this lab's operator has signed
+    said = lab.refused(*waits, "--connect", lab.stage.endpoint, "--keys", foreign(lab))
     assert f"what listens at {lab.stage.endpoint} is no router of this lab: " in said
     assert "the certificate of world is of another CA than the one in ca.pem" in said
 
@@ -399,6 +423,8 @@ def test_a_robot_whose_certificate_expires_while_it_runs_loses_the_lab_and_says_
     with monkeypatch.context() as patch:  # its validity does not begin after that of what it issues
         patch.setattr(authority, "_now", lambda: datetime.now(UTC).replace(microsecond=0) - timedelta(days=2))
         lab.ca = Authority.begin(lab.folder / "old")
+    lab.issue("operator/ann")
+    lab.sign()
     lab.issue("robot/1")
     lab.issue("world")
     lab.world().wait_for("lab bench, 2 robots")

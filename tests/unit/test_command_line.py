@@ -22,6 +22,7 @@ from rmr_deploy.fleet import command as fleet
 from rmr_deploy.keys_program import command as keys
 from rmr_deploy.load import command as load
 from rmr_deploy.router import command as router
+from rmr_deploy.sign import command as sign
 from rmr_deploy.up import command as up
 from rmr_deploy.why_program import why_command
 from rmr_editor.main import command as lsp
@@ -46,6 +47,7 @@ PROGRAMS = {
     "rmr keys": keys(),
     "rmr load": load(),
     "rmr router": router(),
+    "rmr sign": sign(),
     "rmr lab": lab,
     "rmr lsp": lsp,
     "rmr new": new,

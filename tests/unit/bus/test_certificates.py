@@ -137,9 +137,15 @@ def test_everything_that_is_written_is_private(ca, bundled):
 
 
 def test_a_bundle_has_what_one_process_needs_and_nothing_else(bundled):
-    assert sorted(path.name for path in bundled(ROBOT).iterdir()) == ["ca.pem", "cert.pem", "key.pem"]
+    of_robot = ["ca.pem", "cert.pem", "key.pem", "revoked.txt"]
+    assert sorted(path.name for path in bundled(ROBOT).iterdir()) == of_robot
+    of_operator = ["ca.pem", "cert.pem", "key.pem"]
+    assert sorted(path.name for path in bundled(holder("operator", "ann")).iterdir()) == of_operator
     of_listener = ["ca.pem", "cert.pem", "key.pem", "members.txt", "revoked.txt"]
     assert sorted(path.name for path in bundled(WORLD).iterdir()) == of_listener
+
+
+FILES = ("ca.pem", "cert.pem", "key.pem", "revoked.txt")
 
 
 def test_a_bundle_may_be_an_archive_which_is_private_with_what_is_in_it(ca, tmp_path):
@@ -147,7 +153,7 @@ def test_a_bundle_may_be_an_archive_which_is_private_with_what_is_in_it(ca, tmp_
     write_bundle(ca.bundle(ROBOT), tmp_path / "4.tar")
     assert stat.S_IMODE((tmp_path / "4.tar").stat().st_mode) == 0o600
     with tarfile.open(fileobj=BytesIO((tmp_path / "4.tar").read_bytes())) as tar:
-        assert {(one.name, one.mode) for one in tar} == {(name, 0o600) for name in ("ca.pem", "cert.pem", "key.pem")}
+        assert {(one.name, one.mode) for one in tar} == {(name, 0o600) for name in FILES}
         (tmp_path / "own").mkdir(0o700)
         tar.extractall(tmp_path / "own", filter="data")
     assert read_certificate(tmp_path / "own").holder == ROBOT

@@ -57,6 +57,14 @@ def test_issuing_to_somebody_new_says_which_bundles_have_to_name_them(keys):
     assert "may do nothing yet" not in keys("issue", "--robot", "2").stdout
 
 
+def test_revoking_an_operator_says_that_robots_need_the_list_too(keys):
+    keys("issue", "--operator", "ann", "--robot", "1")
+    assert (
+        "each robot: until then it takes programs that operator/ann has signed" in keys("revoke", "operator/ann").stdout
+    )
+    assert "each robot" not in keys("revoke", "robot/1").stdout
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

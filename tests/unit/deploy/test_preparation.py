@@ -10,7 +10,9 @@ import pytest
 from rmr.bus.authority import Authority, holder
 from rmr.bus.certificates import read_certificate
 from rmr.bus.secret import read_secret
+from rmr.bus.signing import read_trust
 from rmr.entry import ExitCode
+from rmr_agent.bytecode import load_program
 from rmr_deploy import preparation
 from rmr_deploy.preparation import RunOptions, RunRefusedError, agent_command, make_plan, world_command
 
@@ -115,6 +117,8 @@ def test_each_process_of_a_lab_with_keys_is_handed_its_own_and_none_stay(keyed, 
         assert "--secret" not in command
         assert str(read_certificate(Path(command[command.index("--keys") + 1])).holder) == who
     assert str(read_certificate(plan.secret).holder) == "operator/ann"
+    for each in ("robots-1", "robots-2-3"):
+        assert load_program(plan.byte_code, read_trust(plan.secret.parent / each)).digest == plan.program.digest
     assert not (plan.folder / "secret").exists()
     plan.forget_secret()
     assert sorted(each.name for each in plan.folder.iterdir()) == ["dash.rbc", "lab.json", "logs", "record"]
