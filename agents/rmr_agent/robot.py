@@ -350,7 +350,9 @@ class HostedRobot:
         await self._publisher.tell(self._keys.status(self._robot), status, lambda: self._report(incarnation))
 
     def _report(self, incarnation: Incarnation) -> dict[str, Any]:
-        bus = {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed + incarnation.link.malformed}
+        malformed = self._bus.losses.malformed + incarnation.link.malformed
+        bus: dict[str, Any] = {"lost": self._bus.losses.lost, "malformed": malformed}
+        bus |= {"excess": excess} if (excess := self._bus.excess) else {}
         host = {"bus": bus, "late_samples": incarnation.late_samples.count} | incarnation.resumed
         host |= {"log_cut_short": LogFile.failure} if LogFile.failure else {}
         if not incarnation.started:

@@ -12,7 +12,8 @@ Times are lab time, except `wall_s` and `ready_s`.
 import asyncio
 import shlex
 import sys
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
@@ -149,6 +150,14 @@ def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -
 # --- the report
 
 
+def _excess(buses: Iterable[Mapping[str, Any]]) -> list[list[int]]:
+    """Return [sender, dropped beyond its rate by all receivers together] of the counters of all processes."""
+    total: Counter[int] = Counter()
+    for bus in buses:
+        total.update(dict(bus.get("excess", ())))
+    return [list(each) for each in sorted(total.items())]
+
+
 def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | None) -> dict[str, Any]:
     """Return the report of a run that is over; `monitor` is None when nobody was ever heard."""
     parts = {robot: _part(monitor, robot) if monitor else {} for robot in plan.lab.roster}
@@ -168,6 +177,7 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         dead=outcome.absent,
     )
     world = monitor.world.report if monitor and monitor.world else {}
+    told["bus"]["excess"] = _excess([*buses, world.get("bus", {})])
     told["bus"]["late_commands"] = [list(each) for each in world.get("late_commands", ())]
     added = world.get("faults", ())
     disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)

@@ -21,6 +21,7 @@ from rmr.bus.checks import MalformedError
 from rmr.bus.keys import WORLD, sender_place
 from rmr.bus.losses import Losses
 from rmr.bus.message_parts import Unfinished
+from rmr.bus.rates import Rates
 
 CLOSE_PATIENCE_S: Final = 1.0
 """Limit for closing the session: zenoh waits for its router while it reconnects, but the process must end."""
@@ -58,14 +59,16 @@ class Line:
         self.inbox = Inbox(asyncio.get_running_loop())
         self.run = random.SystemRandom().getrandbits(48)
         """The random number of this session, as its messages carry it."""
+        self.rates = Rates()
         self._topics: dict[str, tuple[Any, list[Listener]]] = {}
         self._unfinished = Unfinished()
         self._senders = 0
         self._leaving: list[threading.Thread] = []
 
-    def join(self) -> None:
-        """Count one more sender: the session is closed with the last one."""
+    def join(self) -> int:
+        """Count one more sender, and return how many there are: the session is closed with the last one."""
         self._senders += 1
+        return self._senders
 
     def callback(self, take: Take) -> Any:
         """Return the callback that hands an item to `take` on the loop."""
@@ -77,12 +80,27 @@ class Line:
 
         return Callback(called, indirect=False)
 
+    def asked(self, key: str, take: Take) -> Any:
+        """Return the callback that hands queries on `key` to `take` on the loop, within the rates of those who ask."""
+        put = self.inbox.put
+        bound = self.rates.bounded(key)
+
+        def called(query: Any) -> None:
+            keep_thread()
+            data = b"" if query.payload is None else query.payload.to_bytes()
+            if bound.admits(query.key_expr, data):
+                put(take, query)
+            else:
+                query.drop()
+
+        return Callback(called, indirect=False)
+
     def listen(self, key: str, listener: Listener) -> Callable[[], None]:
         """Hand every message on `key` (wild cards allowed) to `listener`; return the call that ends it."""
         subscriber, listeners = self._topics.get(key, (None, []))
         listeners.append(listener)
         if subscriber is None:
-            callback = Callback(self._subscribed(self._taker(key, listeners)), indirect=False)
+            callback = Callback(self._subscribed(key, self._taker(key, listeners)), indirect=False)
             subscriber = self.session.declare_subscriber(key, callback, allowed_origin=zenoh.Locality.REMOTE)
             self._topics[key] = subscriber, listeners
 
@@ -97,14 +115,19 @@ class Line:
 
         return withdraw
 
-    def _subscribed(self, take: Take) -> Callable[[Any], None]:
-        """Return the callback that hands a sample and its octets to `take`, at once or with others."""
+    def _subscribed(self, topic: str, take: Take) -> Callable[[Any], None]:
+        """Return the callback that hands a sample and its octets to `take`, at once or with others.
+
+        What is beyond the rate of its sender is dropped here, before it takes the place of others' in the inbox.
+        """
         put = self.inbox.put
+        bound = self.rates.bounded(topic)
 
         def called(sample: Any) -> None:
             keep_thread()
             data = sample.payload.to_bytes()
-            put(take, (sample, data), PATIENCE if wire.is_patient(data) else 0)
+            if bound.admits(sample.key_expr, data):
+                put(take, (sample, data), PATIENCE if wire.is_patient(data) else 0)
 
         return called
 

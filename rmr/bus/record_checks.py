@@ -19,6 +19,7 @@ from rmr.bus.checks import (
     fields,
     flag,
     group,
+    integer,
     name,
     number,
     optional,
@@ -148,7 +149,7 @@ _JOB: Final = fields(
 _SCHEDULE: Final = fields(
     {"event": text, "leader": robot, "term": count, "order": each(robot), "formed_s": number},
 )
-_COUNTERS: Final = fields({}, {"lost": count, "malformed": count})
+_COUNTERS: Final = fields({}, {"lost": count, "malformed": count, "excess": each(group(integer, count))})
 
 PART: Final[dict[str, Check]] = {
     "finish_s": optional(number),

@@ -49,6 +49,9 @@ EAGER_TRIES = 50
 PART_PAUSE_S = 0.002
 """Pause between the parts of a large message: 24 MB/s at most, which the middleware's queue takes without loss."""
 
+EXCESS_MAX = 16
+"""Senders with messages beyond their rate that a process tells of."""
+
 Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a query and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
@@ -155,7 +158,7 @@ class Bus:
         """Counts of the received messages that were lost or malformed."""
         self.on_transport: Callable[[bool], None] | None = None
         """Called when the first transport comes up and when the last one has gone."""
-        line.join()
+        self._counts = line.join() == 1
         listener = line.session.info.declare_transport_events_listener(line.callback(self._transport), history=True)
         self._declared.append(listener)
 
@@ -175,6 +178,13 @@ class Bus:
     def keyed(self) -> bool:
         """Whether certificates prove who speaks on it."""
         return self._line.keyed
+
+    @property
+    def excess(self) -> list[list[int]]:
+        """[sender, messages of it that were dropped beyond its rate], those with most; a process's first seat tells."""
+        dropped = self._line.rates.dropped if self._counts else {}
+        most = sorted(dropped.items(), key=lambda each: (-each[1], each[0]))
+        return [list(each) for each in most[:EXCESS_MAX]]
 
     @property
     def router(self) -> str:
@@ -293,7 +303,7 @@ class Bus:
                 query.reply(own, wire.encode(*self._envelope(f"{own}?", reply)))
             query.drop()
 
-        self._declared.append(self._session.declare_queryable(key, self._line.callback(take), complete=True))
+        self._declared.append(self._session.declare_queryable(key, self._line.asked(key, take), complete=True))
 
     async def ask(self, key: str, body: wire.Message, timeout_s: float) -> list[tuple[wire.Envelope, int]]:
         """Return the replies to `body` of all who serve `key`, each with its instant of arrival (monotonic ns).

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.bus.late_messages import ROW_MIN
+from rmr.bus.rates import sender_name
 from rmr.node.motion.localiser import MISTAKEN_M
 
 TEXT_MAX = 120
@@ -45,7 +46,7 @@ def run_warnings(report: Mapping[str, Any]) -> list[str]:
             f"lost with the memory of restarted robots (facts, actions, deliveries): {sum(lost.values())} ({which})"
         )
     lines += [words for robot, part in parts.items() for words in position_warnings(robot, part)]
-    return [*lines, *_braked(report), *_stood(parts), *_dropped(parts), *_omitted(parts, report)]
+    return [*lines, *_exceeded(report), *_braked(report), *_stood(parts), *_dropped(parts), *_omitted(parts, report)]
 
 
 def position_warnings(robot: str, part: Mapping[str, Any]) -> Iterator[str]:
@@ -85,6 +86,14 @@ def _first(parts: Mapping[str, Mapping[str, Any]], field: str) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= TEXT_MAX else f"{text[:TEXT_MAX]}..."
+
+
+def _exceeded(report: Mapping[str, Any]) -> Iterator[str]:
+    for sender, count in report.get("bus", {}).get("excess", ()):
+        yield (
+            f"{sender_name(sender)} sent more on the bus than others take of one sender: {count} of its messages were "
+            "dropped; its program is wrong, or somebody has its keys"
+        )
 
 
 def _braked(report: Mapping[str, Any]) -> Iterator[str]:

@@ -395,5 +395,5 @@ class WorldServer:
             "set_back": self._set_back,
             "faults": [fault_entry(one) for one in self._disturbances.history],
             "log_cut_short": LogFile.failure,
-            "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
+            "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed, "excess": self._bus.excess},
         }

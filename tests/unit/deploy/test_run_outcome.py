@@ -2,6 +2,7 @@
 
 import pytest
 
+from rmr_deploy.lab_run import _excess
 from rmr_deploy.run_end import who_came_back, who_ended
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_world.quorum import absence
@@ -34,3 +35,8 @@ def test_sentences_about_processes_tell_the_dead_from_the_stopped():
     assert absence({1: "stopped", 2: "never came", 3: "died", 4: "never came"}) == (
         "robot 3 died, robot 1 was stopped, robots 2,4 never came"
     )
+
+
+def test_what_all_receivers_have_dropped_beyond_the_rate_of_a_sender_is_added_up():
+    buses = [{"excess": [(4, 10), (2, 1)]}, {}, {"lost": 3, "excess": [(4, 5)]}]
+    assert _excess(buses) == [[2, 1], [4, 15]]

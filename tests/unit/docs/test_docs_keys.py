@@ -5,6 +5,7 @@ import re
 import zenoh
 from doc_pages import codes, page, section, table
 
+from rmr.bus.rates import RATES
 from rmr.bus.rights import RIGHTS, VERBS
 
 PAGE = section(page("keys"), "Rights")
@@ -38,3 +39,8 @@ def test_what_attackers_achieve_follows_from_the_table():
         carried = any(zenoh.KeyExpr(row).includes(zenoh.KeyExpr(key)) for row in allowed)
         assert outcome == ("carried" if carried else "dropped"), (who, how)
     assert {who.partition(" ")[0] for who, *_ in rows} == {"robot", "viewer", "operator"}
+
+
+def test_the_rates_on_the_page_are_those_of_the_code():
+    rows = table(page("keys"), "messages", "a second", "at once", "as")
+    assert rows == [(f"`{kind}`", str(rate.per_s), str(rate.at_once), rate.reason) for kind, rate in RATES.items()]

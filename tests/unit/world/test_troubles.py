@@ -38,3 +38,12 @@ def test_dropped_and_omitted_entries_are_reported():
         "the report leaves out the 1 oldest achieved goals",
         "the report leaves out 4 violations",
     ]
+
+
+def test_senders_beyond_their_rate_stand_among_the_warnings_of_a_run():
+    said = run_warnings({"robots": {}, "bus": {"lost": 0, "excess": [[-2, 3], [4, 5000]]}})
+    assert [line.partition(":")[0] for line in said] == [
+        "an operator sent more on the bus than others take of one sender",
+        "robot 4 sent more on the bus than others take of one sender",
+    ]
+    assert "5000 of its messages were dropped; its program is wrong, or somebody has its keys" in said[1]
