@@ -101,7 +101,7 @@ def _own(name: str) -> Runnable:
 
 HEADINGS: dict[str, str] = {
     "programs": "check compile dis eval explain fmt lsp radio",
-    "labs": "new lab sim up agent world router keys",
+    "labs": "new lab sim up agent world router keys sign",
     "a lab that runs": "ls ps logs events stats facts config wait attach down "
     "kill stop start restart pause unpause fault load",
     "what a run leaves": "view why replay plot record",

@@ -234,7 +234,7 @@ def test_the_commands_of_a_group_are_completed_with_their_summaries(name, comple
 
 
 def test_words_are_completed_where_the_cursor_stands(completed):
-    assert completed("rmr", "si") == {"sim": subcommands.PROGRAMS["sim"][1]}
+    assert completed("rmr", "sim") == {"sim": subcommands.PROGRAMS["sim"][1]}
     assert completed("rmr", "check", "te") == {"testbed": "a provided lab", FILES: ""}
     assert set(completed("rmr", "sim", "--seed", "3", "--see")) == {"--seed", "--seeds"}
     assert completed("rmr", "sim", "--seed", "") == completed("rmr", "sim", "--seed=") == {}
