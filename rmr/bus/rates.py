@@ -4,7 +4,7 @@ A member of a lab whose key was stolen, or whose program is wrong, says what it 
 therefore drops what is beyond the rate of a sender before anything is decoded or waits for the event loop: there the
 rest of the lab would wait behind it, and the newest of the inbox pushes out what others have sent.
 
-A bucket of tokens for each kind and sender: `at_once` messages, refilled with `per_s`. Both are some times what a
+A bucket of tokens for each sender on a topic: `at_once` messages, refilled with `per_s`. Both are some times what a
 robot can send in order, and a receiver that was stopped for seconds finds the messages of seconds at once. Whose a
 message is says its key where that names the sender, which the routers' rules bind to a certificate; else the message
 says it.
@@ -47,7 +47,7 @@ RATES: Final[dict[str, Rate]] = {
 """Kind of message -> the bound, and why it is enough."""
 
 SENDERS_MAX: Final = 1024
-"""Senders and kinds that are told apart: more than any lab has robots; all beyond share one bucket."""
+"""Senders on one topic that are told apart: more than any lab has robots; all beyond share one bucket."""
 
 NOBODY: Final = -3
 """A sender that could not be read, and all beyond `SENDERS_MAX`."""
@@ -88,35 +88,58 @@ class _Bucket:
 
 
 class Rates:
-    """The bounds of one receiver. Used on the threads of the middleware; a race costs a token."""
+    """The bounds of one receiver, and what it has dropped. Used on the threads of the middleware."""
 
     def __init__(self) -> None:
         self.dropped: dict[int, int] = {}
         """Number of messages beyond the bounds, by sender."""
-        self._buckets: dict[tuple[str, int], _Bucket] = {}
 
     def bounded(self, topic: str) -> "Bound":
-        """Return the bound of what is received on `topic` (wild cards allowed)."""
+        """Return the bound of what is received on `topic` (wild cards allowed).
+
+        Each topic has its own: the world speaks to each of the robots of a process.
+        """
         return Bound(self, kind_of(topic), sender_place(topic))
 
-    def admits(self, kind: str, sender: int, now: int) -> bool:
-        """Return whether one more message is within the bound at this monotonic instant (ns); else count it."""
-        rate = RATES[kind]
-        bucket = self._buckets.get((kind, sender))
-        if bucket is None:
-            if len(self._buckets) >= SENDERS_MAX and sender != NOBODY:
-                return self.admits(kind, NOBODY, now)
-            bucket = self._buckets[kind, sender] = _Bucket(now, rate.at_once)
-        refilled = bucket.tokens + (now - bucket.at) * rate.per_s / NS_PER_S
-        bucket.at = now
-        bucket.tokens = min(refilled, rate.at_once) - 1
-        if bucket.tokens >= 0:
-            return True
-        bucket.tokens += 1
+    def drop(self, sender: int, kind: str) -> None:
+        """Count a message that is dropped; the first one of a sender is told."""
         if sender not in self.dropped:
             log.warning("%s", told(sender, kind))
         self.dropped[sender] = self.dropped.get(sender, 0) + 1
-        return False
+
+
+class Bound:
+    """The bound of one topic. A race of two threads costs a token."""
+
+    __slots__ = ("_buckets", "_kind", "_place", "_rates")
+
+    def __init__(self, rates: Rates, kind: str, place: int) -> None:
+        self._rates = rates
+        self._kind = kind
+        self._place = place
+        self._buckets: dict[int, _Bucket] = {}
+
+    def admits(self, key: object, data: bytes) -> bool:
+        """Return whether the message `data` on `key` is to be taken."""
+        sender = _named(str(key), self._place) if self._place else claimed_sender(data)
+        return self.takes(sender, time.monotonic_ns())
+
+    def takes(self, sender: int, now: int) -> bool:
+        """Return whether one more message of `sender` is within the bound at this monotonic instant (ns)."""
+        rate = RATES[self._kind]
+        bucket = self._buckets.get(sender)
+        if bucket is None:
+            if len(self._buckets) >= SENDERS_MAX and sender != NOBODY:
+                return self.takes(NOBODY, now)
+            bucket = self._buckets[sender] = _Bucket(now, rate.at_once)
+        refilled = bucket.tokens + (now - bucket.at) * rate.per_s / NS_PER_S
+        bucket.at = now
+        bucket.tokens = min(refilled, rate.at_once)
+        if bucket.tokens < 1:
+            self._rates.drop(sender, self._kind)
+            return False
+        bucket.tokens -= 1
+        return True
 
 
 def told(sender: int, kind: str) -> str:
@@ -131,22 +154,6 @@ def told(sender: int, kind: str) -> str:
 def sender_name(sender: int) -> str:
     """Return who a sender is, for people."""
     return {-1: "the world", -2: "an operator", NOBODY: "somebody without a name"}.get(sender, f"robot {sender}")
-
-
-class Bound:
-    """The bound of one topic."""
-
-    __slots__ = ("_kind", "_place", "_rates")
-
-    def __init__(self, rates: Rates, kind: str, place: int) -> None:
-        self._rates = rates
-        self._kind = kind
-        self._place = place
-
-    def admits(self, key: object, data: bytes) -> bool:
-        """Return whether the message `data` on `key` is to be taken."""
-        sender = _named(str(key), self._place) if self._place else claimed_sender(data)
-        return self._rates.admits(self._kind, sender, time.monotonic_ns())
 
 
 def _named(key: str, place: int) -> int:

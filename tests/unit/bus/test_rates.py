@@ -53,31 +53,41 @@ def test_each_key_has_its_kind(key, kind):
 
 def test_a_sender_has_its_rate_whatever_others_do():
     rates = Rates()
+    bound = rates.bounded(LAB.acts)
     rate = RATES["act"]
     for second in range(5):
         for step in range(1000):
             now = second * NS_PER_S + step * NS_PER_S // 1000
-            rates.admits("act", 1, now)
+            bound.takes(1, now)
             if step % 16 == 0:
-                assert rates.admits("act", 2, now)
+                assert bound.takes(2, now)
     taken = 5000 - rates.dropped[1]
     assert rate.at_once + 4 * rate.per_s <= taken <= rate.at_once + 5 * rate.per_s
     assert set(rates.dropped) == {1}
 
 
 def test_what_a_stopped_receiver_finds_at_once_passes():
-    rates = Rates()
-    assert all(rates.admits("radio", 1, 0) for _ in range(RATES["radio"].at_once))
-    assert not rates.admits("radio", 1, 0)
+    bound = Rates().bounded(LAB.radio(0, 0, "*"))
+    assert all(bound.takes(1, 0) for _ in range(RATES["radio"].at_once))
+    assert not bound.takes(1, 0)
 
 
 def test_senders_without_number_are_bounded_together():
-    rates = Rates()
-    taken = sum(rates.admits("map", sender, 0) for sender in range(SENDERS_MAX) for _ in range(2))
+    bound = Rates().bounded(LAB.map("*"))
+    taken = sum(bound.takes(sender, 0) for sender in range(SENDERS_MAX) for _ in range(2))
     assert taken == 2 * SENDERS_MAX
-    beyond = sum(rates.admits("map", sender, 0) for sender in range(SENDERS_MAX, SENDERS_MAX + 1000))
+    beyond = sum(bound.takes(sender, 0) for sender in range(SENDERS_MAX, SENDERS_MAX + 1000))
     assert beyond == RATES["map"].at_once
-    assert len(rates._buckets) == SENDERS_MAX + 1
+    assert len(bound._buckets) == SENDERS_MAX + 1
+
+
+def test_the_samples_of_all_bodies_pass_that_the_world_sends_to_one_process():
+    rates = Rates()
+    samples = wire.encode(wire.WORLD_ID, 0, 1, FRAME)
+    bounds = {LAB.sense(robot): rates.bounded(LAB.sense(robot)) for robot in range(50)}
+    for _ in range(RATES["sense"].at_once):
+        assert all(bound.admits(key, samples) for key, bound in bounds.items())
+    assert not rates.dropped
 
 
 def test_with_keys_the_sender_is_whom_the_key_names_and_not_whom_the_message_claims():
