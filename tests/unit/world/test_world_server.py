@@ -21,6 +21,7 @@ class StubBus:
 
     def __init__(self) -> None:
         self.losses = Losses()
+        self.excess: list[list[int]] = []
         self.published: list[tuple[str, object]] = []
 
     def publish(self, key: str, body: object) -> None:
