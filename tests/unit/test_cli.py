@@ -92,6 +92,61 @@ def test_check_as_json_prints_one_document_on_stdout_and_nothing_else(program, t
     assert json.loads(rmr("check", "--json", program(GOOD)).stdout) == {"version": JSON_VERSION, "diagnostics": []}
 
 
+CORRECTABLE = """\
+include "part.rmr".
+ball(@1)
+ball(R) - o full(R, sqr(4)).
+type full(robot, float).
+full(2, 3.0).
+full(R, N) -o shown(R, N).
+lost(R) -o 1.
+"""
+
+
+def test_check_corrects_the_errors_whose_correction_is_known_and_leaves_the_rest(program):
+    path = program(CORRECTABLE)
+    path.chmod(0o640)
+    part = program("ball(3).\r\n", "part.rmr")
+    found = rmr("check", "--fix", path)
+    assert path.read_bytes().decode() == (
+        CORRECTABLE.replace("ball(@1)", "ball(@1).")
+        .replace("- o", "-o")
+        .replace("sqr", "sqrt")
+        .replace("full(2", "full(@2")
+    )
+    assert part.read_bytes() == b"ball(@3).\r\n", "an included file, with its ends of lines"
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert f"{part}: 1 error corrected" in found.stderr
+    assert "W102" in found.stderr, "a rule that cannot fire is a warning: what it means is not known"
+    assert "sqrt" in path.read_text()
+    before = path.read_bytes()
+    again = rmr("check", "--fix", path)
+    assert "corrected" not in again.stderr
+    assert path.read_bytes() == before
+
+
+def test_a_program_that_two_include_is_corrected_once(program):
+    part = program("ball(3).\n", "part.rmr")
+    programs = [program(f'include "part.rmr".\ngo(R).\n// {name}\n', name) for name in ("a.rmr", "b.rmr")]
+    assert rmr("check", "--fix", *programs).exit_code == 0
+    assert part.read_text() == "ball(@3).\n"
+
+
+def test_a_program_that_may_not_be_written_is_named_and_left(program, monkeypatch):
+    path = program("ball(3).\n")
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(PermissionError(13, "Permission denied")))
+    found = rmr("check", "--fix", path)
+    assert found.exit_code == 1
+    assert f"{path}: error: Permission denied" in found.stderr
+    assert [each.name for each in path.parent.iterdir()] == ["a.rmr"]
+
+
+def test_a_lab_is_not_corrected(tmp_path):
+    found = rmr("check", "--fix", "corridor")
+    assert found.exit_code == 2
+    assert "--fix corrects programs" in found.stderr
+
+
 def test_compile_writes_beside_the_program_and_prints_its_size(program, tmp_path):
     result = rmr("compile", program(GOOD))
     written = (tmp_path / "a.rbc").read_bytes()

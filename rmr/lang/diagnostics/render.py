@@ -36,25 +36,24 @@ def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceT
 
 def to_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText]) -> list[dict[str, object]]:
     """Return `diagnostics` as values for JSON; lines and columns count from 1, the end is behind the last character."""
-    listed: list[dict[str, object]] = []
-    for each in diagnostics:
-        source = sources.get(each.span.file)
-        line, column = source.position(each.span.start) if source is not None else (1, 1)
-        end_line, end_column = source.position(each.span.end) if source is not None else (1, 1)
-        listed.append(
-            {
-                "file": each.span.file,
-                "line": line,
-                "column": column,
-                "end_line": end_line,
-                "end_column": end_column,
-                "severity": each.severity.value,
-                "code": each.code,
-                "message": each.message,
-                "hint": each.hint,
-            }
-        )
-    return listed
+    return [
+        {
+            **_extent(each.span, sources),
+            "severity": each.severity.value,
+            "code": each.code,
+            "message": each.message,
+            "hint": each.hint,
+            "fix": None if each.fix is None else {**_extent(each.fix.span, sources), "text": each.fix.text},
+        }
+        for each in diagnostics
+    ]
+
+
+def _extent(span: Span, sources: Mapping[str, SourceText]) -> dict[str, object]:
+    source = sources.get(span.file)
+    line, column = source.position(span.start) if source is not None else (1, 1)
+    end_line, end_column = source.position(span.end) if source is not None else (1, 1)
+    return {"file": span.file, "line": line, "column": column, "end_line": end_line, "end_column": end_column}
 
 
 class _Paint:

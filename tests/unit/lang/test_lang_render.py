@@ -102,8 +102,16 @@ def test_json_has_the_keys_that_the_contract_names():
         "code": "E011",
         "message": "`p` has 1 argument, here it is given 2",
         "hint": None,
+        "fix": None,
     }
     assert [list(each) for each in listed] == [list(listed[0])] * len(listed)
+
+
+def test_json_has_the_correction_that_the_compiler_knows():
+    compilation = compile_source("p(R, 1).\np(R, sqr(2)).\n", "a.rmr")
+    (listed,) = to_json(compilation.diagnostics, compilation.sources)
+    place = {"file": "a.rmr", "line": 2, "column": 6, "end_line": 2, "end_column": 9}
+    assert listed["fix"] == {**place, "text": "sqrt"}
 
 
 def test_a_file_that_cannot_be_read_is_a_diagnostic(tmp_path):
