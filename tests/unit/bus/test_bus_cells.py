@@ -57,7 +57,7 @@ class Robot:
         self.received += [int(frame.payload) for frame in self.link.receive()]
 
     def _on_mark(self, _key, message):
-        self.mark = message.body.stamp
+        self.mark = max(self.mark, message.body.stamp)  # an older one of another robot may come later
 
     def advance(self, until_ns):
         while self.now < until_ns:
