@@ -189,7 +189,6 @@ class Hand:
         robot: int | None = None,
         finisher: object = V(0),
     ) -> None:
-        assert isinstance(violation, DeriveAction)
         label, by = name or self.predicates[finish.predicate].name, pattern(finisher)
         assert not isinstance(by, Anything)
         self.assertions.append(

@@ -53,6 +53,7 @@ from rmr.bytecode.program import (
     Debug,
     DeriveAction,
     Derived,
+    DeriveFact,
     Duty,
     Effect,
     Fold,
@@ -434,10 +435,11 @@ class _Decoder:
             raise reader.fail("an assertion that leaves open who finishes it")
         return pattern
 
-    def violation(self, reader: Reader) -> DeriveAction:
+    def violation(self, reader: Reader) -> DeriveAction | DeriveFact:
         owner = self.expression(reader)
         predicate = self.predicate_index(reader)
-        return DeriveAction(predicate, owner, self.codes_for(reader, predicate))
+        derive = DeriveAction if self.raw[predicate].kind is Kind.ACTION else DeriveFact
+        return derive(predicate, owner, self.codes_for(reader, predicate))
 
     def serving(self, reader: Reader) -> Serving:
         action = self.predicate_index(reader)

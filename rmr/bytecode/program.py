@@ -400,7 +400,8 @@ class Assertion:
     finish: Atom
     deadline: Code
     """Seconds after the start, int or float."""
-    violation: DeriveAction
+    violation: DeriveAction | DeriveFact
+    """What is derived when the deadline passes without F."""
     scheduled: bool
     """False for ``watch``."""
     serving: tuple[Serving, ...] = ()

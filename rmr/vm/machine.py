@@ -241,6 +241,8 @@ class Machine(Parts):
         jobs = self._any_jobs  # the first job may have started in this run
         if last and jobs is not None and jobs.due <= now:
             self._miss(now)
+            if self.busy:  # by a fact of a violation
+                self._fire(now)
 
     # Queries of the host
 
@@ -502,7 +504,11 @@ class Machine(Parts):
         self._give(now, fact)
 
     def _miss(self, until: Instant) -> None:
-        """Derive the violations of the deadlines up to `until`, each as of its own deadline, not of the call."""
+        """Derive the violations of the deadlines up to `until`, each as of its own deadline, not of the call.
+
+        A fact of one is inserted when all of these deadlines are over: it starts and finishes other jobs.
+        """
+        given: list[tuple[TimedJob, Derived]] = []
         missed = self._assertions.overdue(until)
         if missed and self._urgency is not None:
             self._jobs_changed(self._urgency)
@@ -515,4 +521,14 @@ class Machine(Parts):
             except NoValue as reason:
                 self._failures.report(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue
-            self._act(job.deadline, violation.predicate, violation.owner, violation.args)
+            if violation.role is _FACT:
+                given.append((job, violation))
+            else:
+                self._missed(job)
+                self._act(job.deadline, violation.predicate, violation.owner, violation.args)
+        for job, violation in given:
+            self._missed(job)
+            self._give(job.deadline, violation)
+
+    def _missed(self, job: TimedJob) -> None:
+        """Take note that what follows is the violation of `job`; it is for `ObservedMachine` alone."""

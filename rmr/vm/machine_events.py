@@ -80,7 +80,7 @@ class JobFinished:
 
 @record
 class JobMissed:
-    """A deadline passed without the finish fact; the violation action was derived."""
+    """A deadline passed without the finish fact; its violation is derived."""
 
     job: TimedJob
 

@@ -15,8 +15,9 @@ from rmr.vm.derive import Chain, Derived, DerivedKind, FiringEffect, Inner, Inne
 from rmr.vm.goals import GoalArgs
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.interpreter import UNRANKED
+from rmr.vm.job import TimedJob
 from rmr.vm.machine import FIRING_BUDGET
-from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, JobStarted
+from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobStarted
 from rmr.vm.match import FOLDED, Env, bind_again
 from rmr.vm.provenance import (
     ActionRecord,
@@ -128,9 +129,6 @@ class ObservedMachine(Interpreted):
         then: Chain = (),
         origin: tuple[int, int] | None = None,
     ) -> None:
-        if isinstance(self._because, MissedCause):
-            missed = [event.job.serial for event in self._events if isinstance(event, JobMissed)]
-            self._because = MissedCause(missed[-1])
         super()._act(now, predicate, executor, args, then, origin)
         event = self._events[-1]
         assert isinstance(event, ActionDerived)
@@ -142,9 +140,11 @@ class ObservedMachine(Interpreted):
 
     def _miss(self, until: Instant) -> None:
         because = self._because  # of the input that comes after the deadlines before it
-        self._because = MissedCause(0)  # `_act` puts in the job
         super()._miss(until)
         self._because = because
+
+    def _missed(self, job: TimedJob) -> None:
+        self._because = MissedCause(job.serial)
 
     # A firing
 

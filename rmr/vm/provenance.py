@@ -98,7 +98,7 @@ class HandlerCause(NamedTuple):
 
 
 class MissedCause(NamedTuple):
-    """The violation action of a missed deadline."""
+    """The violation of a missed deadline."""
 
     job: int
     """The job's serial number."""

@@ -20,7 +20,7 @@ from rmr.why.past import Past
 from rmr.why.past_items import PastAction, PastFact, PastSend
 from rmr.why.question import Question
 from rmr.why.rule_words import item_text, rule_name, seconds_text
-from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources
+from rmr.why.sources import EffectSource, effect_sources, may_be_sent, rule_sources, violation_sources
 from rmr.why.unsatisfied_rules import NEAR_SHOWN, UnsatisfiedRules
 from rmr.why.why_answer import ANSWERS_MAX, goal_agrees, removal
 from rmr.why.why_tree import AbsenceAnswer, AbsenceNode
@@ -129,6 +129,9 @@ class AbsenceFinder:
         found += self._steps(asked)
         for source in effect_sources(self._program, asked):
             found += self._by_action(source, depth)
+        for assertion in violation_sources(self._program, asked):
+            words = f"it is the violation of {assertion.name}: no such job has missed its deadline"
+            found.append(AbsenceNode("deadline", words))
         for rule in rule_sources(self._program, asked):
             found += self._rules.attempts(asked, rule, depth)
         predicate = self._program.predicates[asked.predicate]

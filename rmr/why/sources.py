@@ -13,6 +13,7 @@ from rmr.bytecode.program import (
     ANY,
     SELF_SLOT,
     Aggregate,
+    Assertion,
     Code,
     Comprehension,
     Conjunct,
@@ -92,8 +93,21 @@ def effect_sources(program: Program, asked: Question) -> list[EffectSource]:
     return found
 
 
+def violation_sources(program: Program, asked: Question) -> list[Assertion]:
+    """Return the time assertions whose violation is what is asked of one robot, a fact."""
+    return [
+        each
+        for each in program.assertions
+        if isinstance(each.violation, DeriveFact) and not asked.goal and not asked.action
+        if each.violation.predicate == asked.predicate
+        if _unified(each.violation.owner, each.violation.args, asked, each.slots) is not None
+    ]
+
+
 def may_be_sent(program: Program, asked: Question) -> bool:
     """Return whether another robot may send what is asked for: a fact, a goal, an action, or an effect."""
+    if any(_slot(each.violation.owner) != SELF_SLOT for each in violation_sources(program, asked)):
+        return True
     if any(not source.here for source in rule_sources(program, asked)):
         return True
     return any(_slot(source.effect.owner) != SELF_SLOT for source in effect_sources(program, asked))

@@ -114,7 +114,7 @@ class AbsenceNode:
 
     kind: str
     """``absent``, ``held``, ``rule``, ``satisfied``, ``missing``, ``blocked``, ``false``, ``undecided``, ``action``,
-    ``message``, ``sensor``, ``step``, ``passed over``, ``match``, ``way`` or ``note``."""
+    ``message``, ``sensor``, ``step``, ``deadline``, ``passed over``, ``match``, ``way`` or ``note``."""
     text: str
     children: list["AbsenceNode"] = field(default_factory=list)
     place: tuple[str, int, int] | None = None

@@ -6,7 +6,7 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
-from lab_maker import small_lab
+from lab_maker import small_lab, traced
 
 from rmr.base.time import milliseconds, seconds
 from rmr.coord import planner
@@ -608,3 +608,19 @@ def test_a_run_is_the_same_with_and_without_checkers(tmp_path):
         assert simulation.run()
         reports.append((simulation.robot_parts(), simulation.trace()))
     assert reports[0] == reports[1]
+
+
+def test_a_deadline_whose_violation_is_a_fact_of_another_robot_is_no_violation_of_a_rule(tmp_path):
+    program = """
+        type asked(robot, int).
+        type answered(robot, int).
+        asked(@1, 1).
+        job: watch(asked(R, N), answered(R, N), 1, late(@2, R)).
+        late(R, S) -o knows(R, S).
+    """
+    simulation = small_lab(tmp_path, program, robots=2, duration="3s")
+    simulation.run()
+    assert simulation.robots[1].node.machine.facts() == ["knows(@2, @1)"]
+    (fired,) = traced(simulation, "fired")
+    assert 1.0 < fired["t"] < 1.2
+    assert simulation.violations == []

@@ -319,7 +319,7 @@ def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     first = group[0].fact
     arity = max(1, len(first.arguments))
     roles = {use.role for use in group}
-    # Only a violation and heads: an action. A use that only a fact can have makes it a fact, and the violation wrong.
+    # Only a violation and heads: an action. A use that only a fact can have makes it a fact.
     if FactRole.VIOLATION in roles and not roles & _FOR_FACTS.keys():
         if name in provided.ACTIONS:
             types = provided.ACTIONS[name].types
@@ -393,8 +393,8 @@ def _check_kind(use: Use, names: Names, notes: tuple[DiagnosticNote, ...], found
     kind = signature.kind
     word = kind.name.lower()
     if use.role is FactRole.VIOLATION:
-        if kind is not Kind.ACTION:
-            message = f"the violation of a time assertion is an action, `{name}` is a {word} fact"
+        if kind is Kind.SENSED:
+            message = f"`{name}` is sensed by the robot, no violation derives it"
             found.report("E012", message, fact.span, notes=notes)
         return
     if kind is Kind.ACTION:

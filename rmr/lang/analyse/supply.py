@@ -33,7 +33,7 @@ from rmr.lang.read.syntax import (
 COMPARED_MAX = 300_000
 """Budget of comparisons of wanted with derived facts, about a second; beyond it every fact counts as matching."""
 
-_DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT}
+_DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 """Roles of facts that the program produces."""
 _READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
 """Roles of facts that the program consumes or waits for."""
@@ -78,7 +78,7 @@ class Supply:
             for use in uses(item):
                 if use.role in _DERIVING and use.fact.mark is not Mark.GOAL:
                     self._derived.setdefault(use.fact.name.text, []).append((use.fact, known))
-                if use.role in {FactRole.FACT, FactRole.EFFECT}:
+                if use.role in {FactRole.FACT, FactRole.EFFECT, FactRole.VIOLATION}:
                     self._begun.add(use.fact.name.text)
                 if use.role in _READING or use.fact.mark is Mark.GOAL:
                     self._read.add(use.fact.name.text)
@@ -195,8 +195,8 @@ def only_stated(fact: FactNode, names: Names) -> bool:
 
 
 def is_brought(fact: FactNode, names: Names) -> bool:
-    """Whether a rule or the declared effect of an action derives facts of the predicate."""
-    return _has_use(fact, names, {FactRole.HEAD, FactRole.EFFECT})
+    """Whether a rule, the declared effect of an action or a violation derives facts of the predicate."""
+    return _has_use(fact, names, {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION})
 
 
 def _has_use(fact: FactNode, names: Names, roles: set[FactRole]) -> bool:

@@ -292,7 +292,7 @@ class Emitter:
         """Return a time assertion without `serving`, which is computed on the finished program."""
         start = tuple(each for each in item.start.arguments[1:] if isinstance(each, Variable | Literal))
         violation = self.derived(item.violation, environment)
-        assert isinstance(violation, form.DeriveAction)
+        assert isinstance(violation, form.DeriveAction | form.DeriveFact)
         return form.Assertion(
             name=item.name.text if item.name is not None else item.finish.name.text,
             slots=environment.count,

@@ -32,7 +32,8 @@ def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:
     end: list[Statement] = []
     if jobs:
         begin.append(If(f"{due} < now", (Evaluate("vm._miss(now - 1)"),)))
-        end.append(If(f"last and {due} <= now", (Evaluate("vm._miss(now)"),)))
+        again = If("vm.busy", (Evaluate("vm._fire(now)"),))  # by a fact of a violation
+        end.append(If(f"last and {due} <= now", (Evaluate("vm._miss(now)"), again)))
     # The cause of an input is for `rmr.vm.observed_machine` alone.
     with build.function("insert", "vm", "now", "predicate", "args", "cause=None"):
         build(*begin, Evaluate("ARRIVE[predicate](vm, now, args)"))

@@ -8,6 +8,7 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import NEVER, Instant, in_seconds
+from rmr.bytecode.program import DeriveAction, DeriveFact
 from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr_sim.checkers.run_view import TICK, RunView
@@ -66,15 +67,18 @@ class DeadlineChecker:
         self._missed[id(job)] = job
         if len(self._missed) > MISSED_MAX:
             self._missed.popitem(last=False)
-        self._owed[robot] = job
+        if isinstance(self._violation(robot, job), DeriveAction):  # of a fact there is no event where it is inserted
+            self._owed[robot] = job
         self._paid.pop(robot, None)
+
+    def _violation(self, robot: int, job: TimedJob) -> DeriveAction | DeriveFact:
+        return self._view.node(robot).program.assertions[job.assertion].violation
 
     def _derived(self, robot: int, now: Instant, action: ActionDerived) -> None:
         job = self._owed.pop(robot, None)
         paid = self._paid.pop(robot, None)
         if job is not None:
-            wanted = self._view.node(robot).program.assertions[job.assertion].violation.predicate
-            if action.predicate == wanted:
+            if action.predicate == self._violation(robot, job).predicate:
                 self._paid[robot] = action
                 return
             self._view.violate(now, CHECK, (robot,), f"robot {robot} derived another action than that of {job.text}")
