@@ -373,15 +373,16 @@ class Maker:
         start = self.atom(OUTER, bound, (Mode.KEEP,))
         finish = self.atom(OUTER, dict(bound), (Mode.KEEP,))
         robots = [Slot(slot) for slot, kind in bound.items() if kind == ROBOT]
-        action = self.rng.choice(self.actions)
-        args = tuple(self.argument(bound, each) for each in self.bare[action].types)
+        derive = self.rng.choice([DeriveAction, DeriveAction, DeriveFact])
+        violation = self.rng.choice(self.actions if derive is DeriveAction else self.unsensed)
+        args = tuple(self.argument(bound, each) for each in self.bare[violation].types)
         return Assertion(
             "a" + self.word(),
             SLOTS,
             start,
             finish,
             self.code(bound, self.rng.choice([INT, FLOAT])),
-            DeriveAction(action, self.owner(bound), args),
+            derive(violation, self.owner(bound), args),
             self.chance(0.5),
             tuple(self.serving() for _ in range(self.rng.randint(0, 2))),
             self.rng.choice([None, None, *ROBOTS]),

@@ -34,6 +34,8 @@ JOBS = [
     "job_d: watch(seen(R, N), done(R, N), 1, stop(R)).",
     "job_e: assert(task(R, N, _), done(@2, N), 2, stop(R)).",
     "job_f: watch(told(R, B, N), done(B, N), 1.5, stop(R)).",
+    "job_g: watch(task(R, N, D), done(R, N), D, late(R, N)).",
+    "job_h: watch(step(R, N, _), done(R, N), 1, free(R)).",
 ]
 
 
