@@ -50,7 +50,7 @@ def shell(tmp_path):
 
 def test_bash_completes_commands_options_values_labs_and_files(shell):
     bash, environment, folder = shell("bash")
-    lines = ["rmr si", "rmr sim co", "rmr sim --see", "rmr check ca", "rmr-agent --durability = po", "rmrc --st"]
+    lines = ["rmr doc", "rmr sim co", "rmr sim --see", "rmr check ca", "rmr-agent --durability = po", "rmrc --st"]
     script = "source <(rmr completion bash)\n"
     for line in lines:
         words = line.split()
@@ -59,21 +59,21 @@ def test_bash_completes_commands_options_values_labs_and_files(shell):
         [bash, "--norc", "-c", script], env=environment, cwd=folder, capture_output=True, text=True, check=True
     )
     assert answer.stderr == ""
-    assert answer.stdout.splitlines() == ["sim", "corridor", "--seed --seeds", "cave.rmr", "power", "--strip"]
+    assert answer.stdout.splitlines() == ["doctor", "corridor", "--seed --seeds", "cave.rmr", "power", "--strip"]
 
 
 def test_fish_completes_commands_options_values_labs_and_files(shell):
     fish, environment, folder = shell("fish")
-    lines = ["rmr si", "rmr sim corr", "rmr sim --see", "rmr check cav", "rmr-agent --durability po", "rmrc --st"]
+    lines = ["rmr doc", "rmr sim corr", "rmr sim --see", "rmr check cav", "rmr-agent --durability po", "rmrc --st"]
     script = "rmr completion fish | source\n" + "".join(f"complete -C '{line}'\n" for line in lines)
     answer = subprocess.run(
         [fish, "--no-config", "-c", script], env=environment, cwd=folder, capture_output=True, text=True, check=True
     )
     assert answer.stderr == ""
     assert [line.split("\t")[0] for line in answer.stdout.splitlines()] == [
-        *("sim", "corridor", "--seed", "--seeds", "cave.rmr", "power", "--strip")
+        *("doctor", "corridor", "--seed", "--seeds", "cave.rmr", "power", "--strip")
     ]
-    assert "Run a lab deterministically" in answer.stdout
+    assert "Say what this machine lacks" in answer.stdout
 
 
 def test_zsh_completes_commands_options_values_labs_and_files(shell):
@@ -94,7 +94,7 @@ def test_zsh_completes_commands_options_values_labs_and_files(shell):
     try:
         typed("autoload -Uz compinit; compinit -D; source <(rmr completion zsh); echo rea''dy\n", "ready")
         for line, wanted in {
-            "rmr si": "m ",
+            "rmr doc": "tor ",
             "rmr sim corr": "idor ",
             "rmr sim --see": "d",
             "rmr check cav": "e.rmr ",

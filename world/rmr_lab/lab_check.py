@@ -211,6 +211,7 @@ def _as_json(finding: Finding) -> dict[str, Any]:
         "code": None,
         "message": f"{finding.path}: {message}" if finding.path else message,
         "hint": None if hint is None else hint[1],
+        "fix": None,
     }
 
 

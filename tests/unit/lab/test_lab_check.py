@@ -16,7 +16,7 @@ from rmr_lab.picture import draw
 from rmr_world.bound import destinations
 from rmr_world.lab_file import load_lab
 
-KEYS = ["code", "column", "end_column", "end_line", "file", "hint", "line", "message", "severity"]
+KEYS = ["code", "column", "end_column", "end_line", "file", "fix", "hint", "line", "message", "severity"]
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 PROGRAM = """\
 type action moveto(R: robot, A: area) -o at(R, A).
