@@ -40,7 +40,7 @@ FIX_PASSES = 10
 
 def _declare(parser: Parser) -> None:
     parser.positional("programs", "PROG.rmr|LAB", count="+", usage="PROG.rmr|LAB...")
-    parser.flag("--json", dest="as_json", help="Print the diagnostics as one JSON list on stdout.")
+    parser.flag("--json", dest="as_json", help="Print the diagnostics as one JSON document on stdout.")
     parser.flag("--fix", help="Correct the errors of programs where what to write is known.")
     parser.flag("--explain", help="Also say which rules reach which goals, and so on.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw a lab: floor, areas, robots and their ways.")

@@ -47,7 +47,7 @@ def _declare(parser: Parser) -> None:
     parser.positional("programs", "PROG.rmr", count="+", usage="PROG.rmr...")
     parser.flag("--check", help="Write nothing; list the files that would change, and exit with 1 if any.")
     parser.flag("--diff", help="As --check, but print the changes.")
-    parser.flag("--json", dest="as_json", help="Print which files change as one JSON list on stdout.")
+    parser.flag("--json", dest="as_json", help="Print which files change as one JSON document on stdout.")
 
 
 def _format(programs: list[Path], check: bool, diff: bool, as_json: bool) -> int:

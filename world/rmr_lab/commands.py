@@ -16,7 +16,7 @@ from rmr_world.provided_labs import existing_lab, provided_labs
 
 def _declare_check(parser: Parser) -> None:
     parser.positional("paths", "LAB", read=existing_lab, count="+", usage="LAB...")
-    parser.flag("--json", dest="as_json", help="Print the findings as one JSON list on stdout.")
+    parser.flag("--json", dest="as_json", help="Print the findings as one JSON document on stdout.")
     parser.flag("--explain", help="Also list the passages, who needs them, and what turns cover.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw the lab: floor, areas, robots and their ways.")
     parser.flag("--no-code", help="Execute no Python file: those of actions and events are not checked.")
