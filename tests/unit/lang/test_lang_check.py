@@ -31,7 +31,7 @@ def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
         ("type action a(robot). ?a(R).", "E012", "a(R)"),
         ("type action a(robot). p(R), ?a(R) -o q(R).", "E012", "?a(R)"),
         ("type sensor s(robot). p(R) -o s(R).", "E012", "s(R)"),
-        ("p(R), assertion(R) -o q(R). x: assert(p(R), q(R), 1, q(R)).", "E012", "q(R)"),
+        ("type sensor s(robot). p(R) -o q(R). x: assert(p(R), q(R), 1, s(R)).", "E012", "s(R)"),
         ("assert(p(R), q(R), 1, v(R)). p(R) -o v(R), q(R).", "E013", "v(R)"),
         ("type p(robot). type !p(robot).", "E010", "p"),
         ("type p(area).", "E021", "area"),
