@@ -23,14 +23,13 @@ from rmr.node.motion.follow import CLOSE_AHEAD_M, FACED, LOOK_AHEAD_M, Follower,
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.goal_queue import WAITING_RADII, is_one_goal, robots_ahead
 from rmr.node.motion.grid import PATH_MARGIN_M, discs_around, same_places
-from rmr.node.motion.meeting import oncoming
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.queueing import room_for_first
 from rmr.node.motion.replanning import is_barred, ordered_route, route_as_if_left
 from rmr.node.motion.route import DriveOrder, Route, gated_again, leader_route, still_behind
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SHIELD, SpeedControl
-from rmr.node.motion.standoff.detector import DRIVES_MPS, DeadlockDetector
+from rmr.node.motion.standoff.detector import DeadlockDetector
 from rmr.node.motion.standoff.escapes import DeadlockCause, Excursion, Impasse
 from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
@@ -156,7 +155,6 @@ class Navigator:
         mine = self.hearing.order = order_key(rank, self.robot)
         self._driving = others
         self._standing.update(now, others)
-        self._keep_right(now)
         follower = self._follower
         stands = self._standing.points
         order = self._order
@@ -170,12 +168,7 @@ class Navigator:
             self._right_of_way = 1.0
             self._first_m = self._room_for_first(mine, others)
             return
-        met = self._stand_off.met(now)
-        first = [
-            other
-            for other in others
-            if other.robot not in stands and other.robot not in met and order_key(other.rank, other.robot) < mine
-        ]
+        first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
         if not self._ahead:  # of those that drive to one place the queue before it decides
             first = [other for other in first if not is_one_goal(other.goal, self.goal, self.arena.shape)]
         self._right_of_way = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
@@ -188,26 +181,6 @@ class Navigator:
         first = [other for other in others if other.rank and order_key(other.rank, other.robot) < mine]
         hold_m = self._gate.hold_line_m(follower.route)
         return room_for_first(follower.route, follower.s, hold_m, self.arena.shape, first)
-
-    def _keep_right(self, now: Instant) -> None:
-        """Plan a detour on the right of those that come towards the robot, where there is room for one."""
-        follower = self._follower
-        gate = self._gate
-        stand_off = self._stand_off
-        drives = self.status == "moving" and self._v > DRIVES_MPS and not self._reverse_until
-        if follower is None or not drives or self._excursion is not None or self._ahead:
-            return
-        if gate.holding or now < stand_off.ghosts_until or (gate.passed and not gate.cleared):
-            return
-        route = follower.route
-        stands = self._standing.points
-        driving = [other for other in self._driving if other.robot not in stands]
-        ends_m = route.length_m if route.gate_m is None or gate.passed else gate.hold_line_m(route)
-        places = oncoming(now, self._pose, driving, self.arena.shape, ends_m - follower.s)
-        if places:
-            stand_off.meet(now, places)
-            if not self._replan(now, self._pose, keep=True):
-                stand_off.meet(now, {})  # no room: the robots pass as others do, by their order
 
     def face(self, theta: float) -> None:
         """Turn in place to the heading `theta`, radians."""

@@ -6,7 +6,7 @@ in which the robot has got nowhere, or only back, *endures*: nothing but the las
 multiplied by the tempo of the robots, the lengths by their size.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from rmr.base.arena import REFERENCE, RobotShape
@@ -46,8 +46,8 @@ class DeadlockDetector:
     """What one robot knows of the deadlock it is in."""
 
     __slots__ = (
-        "_at", "_at_since", "_met", "_patience", "_scale", "_since", "early", "ghosts", "ghosts_until", "settling",
-        "tries", "walks",
+        "_at", "_at_since", "_patience", "_scale", "_since", "early", "ghosts", "ghosts_until", "settling", "tries",
+        "walks",
     )  # fmt: skip
 
     def __init__(self, robot: int, shape: RobotShape) -> None:
@@ -65,8 +65,6 @@ class DeadlockDetector:
         self.ghosts: tuple[Point, ...] = ()
         """Obstacles of a detour: where the others were, and to the left of that."""
         self.ghosts_until: Instant = 0
-        self._met: frozenset[int] = frozenset()
-        """The robots that the detour passes on the right, before there was a deadlock."""
         self.tries = 0
         """How often patience was over during this drive."""
         self.walks = 0
@@ -77,7 +75,6 @@ class DeadlockDetector:
         self._since = None
         self._at = None
         self.ghosts = ()
-        self._met = frozenset()
         self.tries = 0
         self.walks = 0
 
@@ -105,19 +102,8 @@ class DeadlockDetector:
             # The direction to the other, rotated by 90 degrees to the left, is (-(y - pose.y), x - pose.x) / away.
             shift = BIAS_M * self._scale.size / away
             ghosts += [Point(x, y), Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift)]
-        self._met = frozenset()
         self.ghosts = tuple(ghosts)
         self.ghosts_until = now + seconds(GHOST_S * self._scale.tempo)
-
-    def meet(self, now: Instant, places: Mapping[int, Point]) -> None:
-        """Remember `places` as obstacles of a detour that passes the robots that they belong to on the right."""
-        self._met = frozenset(places)
-        self.ghosts = tuple(places.values())
-        self.ghosts_until = now + seconds(GHOST_S * self._scale.tempo)
-
-    def met(self, now: Instant) -> frozenset[int]:
-        """Return the robots that the present detour passes on the right."""
-        return self._met if now < self.ghosts_until else frozenset()
 
     def around(self, now: Instant, standing: Iterable[Point]) -> Iterable[Point]:
         """Return what a new route leads around: the ghosts, later in the deadlock the others that are `standing`."""
