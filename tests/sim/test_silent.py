@@ -80,3 +80,11 @@ def test_a_robot_out_of_range_from_the_beginning_is_not_silent():
     report = evaluate(program, robots=3, topology="line", kill=["5s: @3"]).report
     assert report["robots"]["1"]["facts"] == []
     assert report["robots"]["2"]["facts"] == ["silent_since(@2, @3)"]
+
+
+@pytest.mark.parametrize("program", [NOTES, "type go(robot).\ngo(R).\n"], ids=["asks", "does not"])
+def test_asking_for_silence_keeps_no_news_of_a_death_from_the_drive(tmp_path, program):
+    """That a robot has died is told by no hello: the node looks once whether that has changed, for its navigator."""
+    run = small_lab(tmp_path, program, robots=2, faults="[{at: 1s, kill: 2}]", duration="18s")
+    run.run()
+    assert run.robots[0].node.peers.changes(run.now)

@@ -135,7 +135,8 @@ class LinkSensing:
 
     def _begins(self, now: Instant) -> bool:
         """Return whether the robots of the lab have just begun, so that nobody presumes anybody dead."""
-        return not self._late and now - self.first_at(now) <= self.lasts
+        first_at = self.first_at(now)
+        return not self._late and now - first_at <= self.lasts
 
     def first_at(self, now: Instant) -> Instant:
         """Return the first instant of the robot's life that is known, `now` at the latest."""

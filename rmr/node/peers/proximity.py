@@ -24,7 +24,7 @@ class Proximity:
         self._used = senses.used("neighbor") or senses.used("range")
         self._tells_silence = senses.used("silent")
         self._senses = senses
-        self._roster = [other for other in state.config.roster if other != state.robot]
+        self._roster = sorted(other for other in state.config.roster if other != state.robot)
         self._peers = state.peers
         self._radio = state.config.radio
         self._offered = offered
@@ -67,11 +67,18 @@ class Proximity:
     def _unheard(self, now: Instant) -> list[int]:
         """Return the robots that count as dead, and those that have not been heard in the time after which they do."""
         peers = self._peers
-        silent = set(peers.lost(now))
         # Where the radio does not reach over the whole floor a robot may be out of range from the beginning.
-        if peers.links is not None and now - peers.links.first_at(now) > DEAD:
-            silent.update(other for other in self._roster if not peers.is_placed(other))
-        return sorted(silent)
+        began = NEVER if peers.links is None else peers.links.first_at(now)
+        silent = []
+        for other in self._roster:
+            peer = peers.known.get(other)
+            if peer is None or peer.hello is None:
+                is_silent = now - began > DEAD
+            else:
+                is_silent = now - peer.hello_at > DEAD and now > peers.dead_from(other, peer)
+            if is_silent:
+                silent.append(other)
+        return silent
 
     def _ranges(self, now: Instant) -> list[tuple[Value, ...]]:
         """Return (robot, metres) for each neighbor: signal strength by the log-distance path loss law, to 10 cm."""

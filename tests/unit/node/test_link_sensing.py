@@ -43,6 +43,15 @@ def test_a_mute_robot_that_hears_everybody_stands_once_the_others_list_it_no_mor
         assert links.cut_off(at) == (at - heard > LISTED)
 
 
+@pytest.mark.parametrize("late", [False, True], ids=["first life", "restarted"])
+def test_a_robot_that_never_hears_anybody_stands_for_a_minute_and_then_drives_by_sight(late: bool) -> None:
+    links = LinkSensing(2, SIX, begins_late=late)
+    begun = seconds(5)
+    assert links.cut_off(begun) == late
+    assert links.cut_off(begun + CUT_OFF_MAX - 1)
+    assert not links.cut_off(begun + CUT_OFF_MAX)
+
+
 @pytest.mark.parametrize(
     ("robot", "side", "stands"),
     [(2, [3, 4], False), (2, [3], True), (1, [2, 3], False), (4, [5, 6], True), (3, [1, 2], False)],
