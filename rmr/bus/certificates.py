@@ -233,16 +233,23 @@ def holder_of(certificate: "x509.Certificate") -> Holder:
     raise ValueError(f"no name of it begins with {URI_SCHEME}")
 
 
+def out_of_date(certificate: "x509.Certificate", whose: str, renewed: str, now: datetime) -> str:
+    """Return why `certificate` is not valid at the instant `now`, and what to do (`renewed`); nothing where it is."""
+    if now > certificate.not_valid_after_utc:
+        since = f"has expired at {moment(certificate.not_valid_after_utc)}, and here it is {moment(now)}"
+        return f"the certificate of {whose} {since}; {renewed}, or set the clock"
+    if now < certificate.not_valid_before_utc:
+        begins = f"is valid from {moment(certificate.not_valid_before_utc)} only, and here it is {moment(now)}"
+        return f"the certificate of {whose} {begins}; set the clocks of the two machines"
+    return ""
+
+
 def problem(certificate: "x509.Certificate", ca: "x509.Certificate", now: datetime) -> str:
     """Return why `certificate` is not good under `ca` at the instant `now`, and what to do; nothing where it is."""
-    for one, renewed in ((ca, "rmr keys init, and all others with it"), (certificate, "rmr keys issue")):
-        what = "the certificate of the CA" if one is ca else f"the certificate of {holder_of(one)}"
-        if now > one.not_valid_after_utc:
-            since = f"has expired at {moment(one.not_valid_after_utc)}, and here it is {moment(now)}"
-            return f"{what} {since}; issue it anew with {renewed}, or set the clock"
-        if now < one.not_valid_before_utc:
-            begins = f"is valid from {moment(one.not_valid_before_utc)} only, and here it is {moment(now)}"
-            return f"{what} {begins}; set the clocks of the two machines"
+    wrong = out_of_date(ca, "the CA", "issue it anew with rmr keys init, and all others with it", now)
+    wrong = wrong or out_of_date(certificate, str(holder_of(certificate)), "issue it anew with rmr keys issue", now)
+    if wrong:
+        return wrong
     try:
         certificate.verify_directly_issued_by(ca)
     except Exception:  # noqa: BLE001, RUF100 - another name, another algorithm, another signature: all of them foreign

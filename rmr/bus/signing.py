@@ -25,7 +25,7 @@ from rmr.bus.certificates import (
     Holder,
     holder_of,
     holders_in,
-    moment,
+    out_of_date,
     parsed,
     read_certificate,
     read_file,
@@ -102,7 +102,8 @@ class Trust:
             found.verify_directly_issued_by(self.ca)
         except Exception:  # noqa: BLE001, RUF100 - another name, another algorithm, another signature: all of them foreign
             return f"its signer is of another CA than {self.file}: sign it with an operator's keys of that one"
-        if wrong := self._out_of_date(found, holder, now):
+        wrong = out_of_date(found, f"its signer {holder}", f"issue it anew, and sign with {HOW}", now)
+        if wrong := wrong or out_of_date(self.ca, "its CA", "make a new one, and all keys with it", now):
             return wrong
         if holder.role != SIGNER:
             return f"it is signed by {holder}, who may not sign programs: an {SIGNER} may, with {HOW}"
@@ -114,19 +115,6 @@ class Trust:
             key.verify(signature, CONTEXT + program, ec.ECDSA(hashes.SHA256()))
         except InvalidSignature:
             return f"its signature by {holder} is of another program, or was changed: sign it anew with {HOW}"
-        return ""
-
-    def _out_of_date(self, found: "x509.Certificate", holder: Holder, now: datetime) -> str:
-        for one, what, renewed in (
-            (found, f"signer {holder}", f"issue it anew, and sign with {HOW}"),
-            (self.ca, "CA", "make a new one, and all keys with it"),
-        ):
-            if now > one.not_valid_after_utc:
-                ended = f"the certificate of its {what} has expired at {moment(one.not_valid_after_utc)}"
-                return f"{ended}, and here it is {moment(now)}: {renewed}, or set the clock"
-            if now < one.not_valid_before_utc:
-                begins = f"the certificate of its {what} is valid from {moment(one.not_valid_before_utc)} only"
-                return f"{begins}, and here it is {moment(now)}: set the clocks of the two machines"
         return ""
 
 
