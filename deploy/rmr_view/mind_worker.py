@@ -1,6 +1,7 @@
 """Replays and explanations in a process of their own, so that the server's loop never waits for them.
 
-The process is started at the first request, with lower priority, and keeps the twins of the run that it is asked about.
+The process is started at the first request, with lower priority, and keeps the replays of the run that it is asked
+about.
 """
 
 import asyncio
@@ -77,19 +78,19 @@ def _begin() -> None:
     os.nice(NICE)
 
 
-_twins: dict[Path, Any] = {}
-"""The twins of the run, by its path."""
+_followed: dict[Path, Any] = {}
+"""What is replayed of the run, by its path."""
 
 
 def _state(path: Path, robot: int, t: float | None) -> dict[str, Any]:
     from rmr.mind.mind_reader import MindLogError  # noqa: PLC0415 - the server does not need them
     from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
-    from rmr_view.mind_twins import MindTwins  # noqa: PLC0415
+    from rmr_view.followed_minds import FollowedMinds  # noqa: PLC0415
 
     try:
-        if path not in _twins:
-            _twins[path] = MindTwins(path)
-        state: dict[str, Any] = _twins[path].state(robot, t)
+        if path not in _followed:
+            _followed[path] = FollowedMinds(path)
+        state: dict[str, Any] = _followed[path].state(robot, t)
     except (RecordingError, MindLogError) as error:
         return {"refused": str(error), "status": 501}
     return state
@@ -151,7 +152,7 @@ def _opened(path: Path) -> tuple[Any, Any, Any]:
     """Return the recording at `path` with its histories; they are kept once it is complete."""
     from rmr.why.past import Past  # noqa: PLC0415
     from rmr.why.replayed_histories import ReplayedHistories  # noqa: PLC0415
-    from rmr_view.mind_twins import opened  # noqa: PLC0415
+    from rmr_view.followed_minds import opened  # noqa: PLC0415
 
     recording = opened(path)
     histories = ReplayedHistories(recording)

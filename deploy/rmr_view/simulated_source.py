@@ -19,7 +19,7 @@ from rmr.radio.links import Disturbance
 from rmr.record.record_writer import RecordWriter
 from rmr_sim.event import FaultRecord
 from rmr_sim.simulation import Simulation
-from rmr_view.mind_twins import sensed_facts
+from rmr_view.followed_minds import sensed_facts
 from rmr_view.mind_worker import MindWorker
 from rmr_view.recorded_messages import FAULT_KEYS, take
 from rmr_view.run_history import RunHistory, Triple

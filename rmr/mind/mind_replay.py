@@ -55,17 +55,19 @@ class MindReplay:
         trace: TraceLevel = TraceLevel.NOTES,
         witness: Witness | None = None,
         provenance: ProvenanceLog | None = None,
+        one_program: bool = False,
         since: Instant = 0,
     ) -> None:
         """`log` are the batches of one incarnation, from its first on; they are read as the replay goes on.
 
         More of them can be given by `feed`. `engine` is that of the recording unless another is given; all do the
-        same; with a log of `provenance` it is the interpreter. Calls before `since` are carried out, but neither
-        compared nor counted. Raises MindLogError if the log has no beginning.
+        same; with a log of `provenance` it is the interpreter. The numbers in that log are those of the program that
+        runs, and `ProgramBegun` tells where another begins; with `one_program` the replay ends before it does. Calls
+        before `since` are carried out, but neither compared nor counted. Raises MindLogError if the log has no
+        beginning.
         """
         self._since = since
-        self._one_program = provenance is not None
-        """Whether the replay ends at a change of the program: a log of provenance has the numbers of one."""
+        self._one_program = one_program
         self.changed_at: Instant | None = None
         """The change of the program before which the replay has ended."""
         self._log = iter(log)

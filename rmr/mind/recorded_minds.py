@@ -70,7 +70,8 @@ class RecordedMind:
     ) -> MindReplay:
         """Return its replay. Raises MindLogError if it has no beginning, or the recording no program."""
         program = program_of(self.source)
-        return MindReplay(self.log(), program, engine=engine, trace=trace, witness=witness, provenance=provenance)
+        options: dict[str, Any] = {"engine": engine, "trace": trace, "witness": witness, "provenance": provenance}
+        return MindReplay(self.log(), program, one_program=provenance is not None, **options)
 
 
 def batches_of(source: MindSource) -> Iterator[tuple[Instant, int, int, bytes]]:

@@ -4,7 +4,7 @@
 instant, how old its input may be, what is still to be done.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rmr.base.streams import Choices
 from rmr.base.time import Duration, Instant, milliseconds
@@ -22,6 +22,12 @@ from rmr.vm.engines import new_machine
 
 SUSPENDED_AFTER: Final[Duration] = milliseconds(150)
 """Time without a call after which the host counts as suspended: input may then be as old as the previous call."""
+
+
+class ProgramBegun(NamedTuple):
+    """The numbers in the provenance log are those of this program from here on."""
+
+    program: Program
 
 
 class RobotState:
@@ -59,6 +65,8 @@ class RobotState:
         """The instant of the present call of the node."""
         if before is not None:
             self.now = before.now
+            if config.provenance is not None:
+                config.provenance.told(self.now, ProgramBegun(program))
             self.finish.at = before.finish.at
             if self.driver is not None and before.driver is not None:
                 self.driver.follow(before.driver)

@@ -31,6 +31,7 @@ from rmr.vm.machine_events import (
     JobStarted,
 )
 from rmr.vm.provenance import (
+    OUTSIDE,
     SENSED,
     ActionRecord,
     Args,
@@ -81,9 +82,13 @@ class MindIndex:
         self.firing_places: dict[int, int] = {}
         """By number of a firing: its place."""
         self.actions: dict[int, PastAction] = {}
+        self.begun: list[PastAction] = []
+        """Those of the robot's own that have begun, in this order."""
         self.sends: list[PastSend] = []
         self.deliveries: dict[SentKey, PastDelivery] = {}
         self.goals: list[PastGoal] = []
+        self.achieved: list[PastGoal] = []
+        """In the order in which they were; a goal that was opened more than once stands here once."""
         self.jobs: dict[int, PastJob] = {}
         self.schedule_log: list[tuple[Instant, ScheduleChanged]] = []
         self._schedules: dict[bytes, ScheduleChanged] = {}
@@ -224,6 +229,7 @@ class MindIndex:
             case ActionBegun(turn=turn):
                 action.begun = at
                 action.group = action.group and (turn or action.group)
+                self.begun.append(action)
             case ActionEnded(failure=failure):
                 action.ended = at
                 action.failure = failure
@@ -249,6 +255,9 @@ class MindIndex:
                 self._goal(event)
             case ActionHeld() | ActionBegun() | ActionEnded():
                 self._progressed(at, event)
+            case ActionDerived(serial=serial) if serial and serial not in self.actions:
+                # Under way when the program changed: it is derived by no rule of this one.
+                self._acted(ActionRecord(at, serial, event.predicate, event.executor, event.args, OUTSIDE, ()))
             case ActionCancelled(serial=serial, served=served):
                 if serial in self.actions:
                     self.actions[serial].cancelled_with = served
@@ -322,12 +331,15 @@ class MindIndex:
         goal = next((each for each in goals if _is_goal(each.args, event.args)), None)
         if goal is None:
             return
-        goals.remove(goal)
         if isinstance(event, GoalAchieved):
-            goal.achieved = event.at
-        else:
-            goal.withdrawn = event.at
-            goal.served = event.served
+            self.achieved.append(goal)
+        for each in [each for each in goals if each.args == goal.args]:  # a goal may be opened again while it is open
+            goals.remove(each)
+            if isinstance(event, GoalAchieved):
+                each.achieved = event.at
+            else:
+                each.withdrawn = event.at
+                each.served = event.served
 
 
 def _is_goal(patterns: tuple[Pattern, ...], args: tuple[object, ...]) -> bool:

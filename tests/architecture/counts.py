@@ -45,7 +45,7 @@ FORMS: Final[Mapping[str, Mapping[str, str]]] = {
         "TakenDisc": "as the shield has it where it stands",
     },
     "histories": {
-        "MindIndex": "records of a robot's replay: `rmr why`, and with RobotHistory `--missed` and the page",
+        "MindIndex": "records of a robot's replay: `rmr why`, the page, and with RobotHistory `--missed`",
         "ActionSpan": "spans of a robot's replay, which `--missed` had for itself",
         "MindTwin": "a robot's replay for the page",
         "TurnIntervals": "turns from the trace, with RunHistory",

@@ -195,7 +195,7 @@ def test_a_replay_goes_over_the_switch(tmp_path):
 def test_a_replay_for_explanations_ends_at_the_switch(tmp_path):
     mind_run = MindRun(lab_in(tmp_path))
     [instant] = {instant for _, instant, _, _ in mind_run.simulation.switches}
-    replay = mind_run.replay(1, provenance=ProvenanceLog())
+    replay = mind_run.replay(1, provenance=ProvenanceLog(), one_program=True)
     assert replay.changed_at == instant
     assert 0 < replay.now <= instant
     assert replay.difference is None
