@@ -34,6 +34,7 @@ from rmr.lang.read.syntax import (
     FactItem,
     FunctionItem,
     GoalItem,
+    IncludeItem,
     Item,
     Literal,
     Mark,
@@ -128,7 +129,7 @@ class SymbolIndex:
                     yield Occurrence(Named(NameSpace.FUNCTION, name.text), name.span, declares=True)
                 case ConstantItem(name=name):
                     yield Occurrence(Named(NameSpace.CONSTANT, name.text), name.span, declares=True)
-                case _:
+                case IncludeItem() | FactItem() | GoalItem() | RuleItem() | AssertionItem() | StrategyItem():
                     pass
             for node in walk(item):
                 match node:
@@ -382,5 +383,5 @@ def outline(program: Compilation, file: str) -> Iterator[Outlined]:
                 yield Outlined(short, "goal" if isinstance(item, GoalItem) else "fact", item.span, fact.name.span)
             case RuleItem() | StrategyItem():
                 yield Outlined(short, "rule", item.span, item.span)
-            case _:
+            case IncludeItem():
                 pass

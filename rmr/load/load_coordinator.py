@@ -178,8 +178,10 @@ class LoadCoordinator:
                 target.confirmed = True
             case LoadKind.ABORTED:
                 target.aborted = True
-            case _:  # in another phase, of an earlier instant, or from another coordinator
-                pass
+            case LoadKind.WANT | LoadKind.READY | LoadKind.REFUSED | LoadKind.COMMITTED:
+                pass  # in another phase, of an earlier instant, or from another coordinator
+            case LoadKind.ASK | LoadKind.TELL | LoadKind.OFFER | LoadKind.FRAGMENT | LoadKind.COMMIT | LoadKind.ABORT:
+                pass  # no answers
         self.next_wake = now
 
     def wake(self, now: Instant) -> None:

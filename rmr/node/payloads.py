@@ -424,7 +424,7 @@ class _Reader:
                 if depth >= LIST_DEPTH_MAX:
                     raise WireError("lists nested too deep")
                 return tuple(self.value(depth + 1) for _ in range(int(self._take(">H"))))
-            case _:
+            case _Tag.STRING | _Tag.SYMBOL:
                 return self._text(tag)
 
     def _text(self, tag: _Tag) -> str:

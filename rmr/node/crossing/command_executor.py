@@ -54,7 +54,7 @@ class CommandExecutor:
                     # passage no longer. One that was let in by the turn of an event asks for no other.
                     if crossing.plan.gated and self._robot.config.arena.has_shared_passages:
                         self._here(now, crossing, crossing.hold_line())
-                case _:
+                case OpenHoldLine() | ChangeRank() | TraceEntry() | Unforeseen():
                     self._here(now, crossing, command)
 
     def _here(self, now: Instant, crossing: Crossing, command: RobotCommand) -> None:

@@ -15,12 +15,15 @@ from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
+    Entered,
     EntryMissed,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
     PathReceived,
     ScheduleChanged,
+    SlotAssigned,
+    SlotLost,
 )
 from rmr.coord.timing import Order
 from rmr.node.actions.dispatcher import Permit, RunningAction
@@ -447,7 +450,7 @@ class Crossings:
                 keep(self.schedules, group_id, event)
                 told = self._told(group_id)
                 self._robot.trace(now, "scheduled", event=told, leader=leader, term=term, order=list(order))
-            case _:
+            case SlotAssigned() | SlotLost() | Entered() | EntryMissed():
                 self._handle_slot(now, event)
 
     def _leader_changed(self, now: Instant, group_id: bytes, *, leads: bool) -> None:
