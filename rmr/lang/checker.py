@@ -35,12 +35,14 @@ from rmr.lang.read.syntax import (
     ChoiceNode,
     ComprehensionNode,
     Condition,
+    ConstantItem,
     Expression,
     FactItem,
     FactNode,
     FoldNode,
     FunctionItem,
     GoalItem,
+    IncludeItem,
     Item,
     ListTerm,
     Literal,
@@ -95,8 +97,8 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN, 
     projector = Projector(names, types, frozenset(symbols), found)
     planner = JointPlanner(names, found)
     ensemble = EnsembleWriter(names, types)
-    rules: list[Projected] = []
-    assertions: list[Watched] = []
+    rules: list[Projected | None] = []
+    assertions: list[Watched | None] = []
     for item in module.items:
         match item:
             case FactItem(fact=fact):
@@ -107,26 +109,21 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN, 
                 _effects(item, names, found)
             case RuleItem():
                 _untimed(item, found)
-                for each in _of_one_robot(item, projector, planner, ensemble, found):
-                    projected = projector.rule(each)
-                    if projected is not None:
-                        rules.append(projected)
+                rules += map(projector.rule, _of_one_robot(item, projector, planner, ensemble, found))
             case FunctionItem():
                 _function(item, found)
             case AssertionItem():
                 _no_now(item.deadline, found)
                 _not_negative(item.deadline, found)
-                assertion = watched(item, found)
-                if assertion is not None:
-                    assertions.append(assertion)
-            case _:
+                assertions.append(watched(item, found))
+            case ConstantItem() | IncludeItem() | StrategyItem():
                 pass
     check_names(module, found)
     if ensemble.result.plans and not found.failed:
-        common = [projector.rule(each) for each in ensemble.common(ensemble.result.plans[0].rule.span)]
-        rules += [each for each in common if each is not None]
-    result = ensemble.result
-    checked = Checked(module, names, types, tuple(rules), tuple(assertions), _strategy(module, found), result)
+        rules += map(projector.rule, ensemble.common(ensemble.result.plans[0].rule.span))
+    sound = tuple(each for each in rules if each is not None)
+    watches = tuple(each for each in assertions if each is not None)
+    checked = Checked(module, names, types, sound, watches, _strategy(module, found), ensemble.result)
     warn(module, *written, found)
     return checked
 

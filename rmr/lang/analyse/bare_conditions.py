@@ -19,6 +19,7 @@ from rmr.lang.read.syntax import (
     ComprehensionNode,
     Condition,
     Conjunct,
+    ConstantItem,
     Expression,
     FactItem,
     FactNode,
@@ -26,12 +27,17 @@ from rmr.lang.read.syntax import (
     FunctionItem,
     GoalItem,
     HeadItem,
+    IncludeItem,
     Item,
+    LetTerm,
+    ListTerm,
+    Literal,
     Mark,
     ModuleNode,
     PlainHeadItem,
     RuleItem,
     StepsNode,
+    StrategyItem,
     TypeDeclaration,
     Unary,
     Variable,
@@ -71,7 +77,7 @@ def _facts_of(item: Item) -> Iterable[str]:
             return [fact.name.text for part in flat(head) for fact in _derived(part)]
         case AssertionItem(start=start, finish=finish):
             return [start.name.text, finish.name.text]
-        case _:
+        case ConstantItem() | IncludeItem() | StrategyItem() | FunctionItem():
             return []
 
 
@@ -151,7 +157,7 @@ class _Rewriter:
                 other = self._expression(right, folds)
                 same = one is left and other is right
                 return expression if same else replace(expression, left=one, right=other)
-            case _:
+            case Variable() | Literal() | Call() | ListTerm() | LetTerm():
                 return expression
 
     def _is_fold(self, call: Call) -> bool:

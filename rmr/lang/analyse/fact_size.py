@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Base, Type
-from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Variable
+from rmr.lang.read.syntax import Binary, Call, Expression, LetTerm, ListTerm, Literal, Unary, Variable
 
 FACT_OCTETS_MAX = 106
 """Octets for a fact's values in a frame of 127: 11 are the radio's, 10 the fact's own header."""
@@ -44,7 +44,7 @@ def octets(argument: Expression, kind: Type, known: dict[str, Literal], branch: 
         case ListTerm(items=parts, rest=rest):
             behind = HEADER_OCTETS if rest is None else octets(rest, kind, known, branch)
             return behind + sum(octets(part, items, known, branch) for part in parts)
-        case _:
+        case Variable() | Call() | Unary() | Binary() | LetTerm():
             return _LEAST.get(kind.base, 1)
 
 
@@ -62,5 +62,5 @@ def value_octets(value: Value, kind: Type) -> int:
             return 2 if -128 <= value < 128 else 9
         case str():
             return HEADER_OCTETS + len(value.encode())
-        case _:
+        case int() | float():
             return 9

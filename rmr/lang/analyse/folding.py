@@ -144,7 +144,7 @@ def _widened(expression: Compound, values: list[Value]) -> Value:
     match expression:
         case Call(name=name) if name.text == "if":
             return converted(value, join(value_type(values[1]), value_type(values[2])))
-        case _:
+        case Unary() | Binary() | Call() | ListTerm():
             return converted(value, value_type(value)) if isinstance(value, tuple) else value
 
 

@@ -27,11 +27,13 @@ from rmr.lang.read.syntax import (
     FactNode,
     GoalItem,
     Item,
+    LetTerm,
     ListTerm,
     Literal,
     ModuleNode,
     Name,
     RuleItem,
+    Unary,
     Variable,
     parts,
     walk,
@@ -170,7 +172,7 @@ class _Reader:
                 case Call(name=called, arguments=arguments):
                     self._hyphen(name + called.text, node.left.span.to(called.span))
                     return Call(Name(name + called.text, span), arguments, span)
-                case _:
+                case Variable() | Literal() | Unary() | Binary() | ListTerm() | LetTerm():
                     return node
 
         changed: Item = _changed(item, change)

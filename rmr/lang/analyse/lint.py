@@ -25,15 +25,21 @@ from rmr.lang.read.syntax import (
     ComprehensionNode,
     Condition,
     Conjunct,
+    ConstantItem,
     Expression,
+    FactItem,
     FactNode,
     FoldNode,
+    FunctionItem,
     GoalItem,
+    IncludeItem,
     Item,
     Literal,
     Mark,
     ModuleNode,
     RuleItem,
+    StepsNode,
+    StrategyItem,
     TypeDeclaration,
     Variable,
     flat,
@@ -113,7 +119,7 @@ class _Lint:
                 case AssertionItem():
                     self._short(item)
                     self._large(item, item.start.owner, {})
-                case _:
+                case ConstantItem() | IncludeItem() | FactItem() | GoalItem() | StrategyItem() | FunctionItem():
                     pass
         self._speller.types(self._module)
         lint_letters(self._letters, self._types, self._found)
@@ -136,7 +142,7 @@ class _Lint:
                 case AssertionItem():
                     self._never(item.start, NO_JOB)
                     self._unfinished(item.finish)
-                case _:
+                case TypeDeclaration() | ConstantItem() | IncludeItem() | FactItem() | StrategyItem() | FunctionItem():
                     pass
             self._derivations(item)
         for fact, name in self._supply.circular():
@@ -318,7 +324,7 @@ def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
                 yield body, "the comprehension derives nothing"
             case AggregateNode(body=body):
                 yield body, "the aggregate finds nothing"
-            case _:
+            case FactNode() | StepsNode():
                 pass
 
 

@@ -23,18 +23,21 @@ from rmr.lang.read.syntax import (
     ComprehensionNode,
     Condition,
     Conjunct,
+    ConstantItem,
     Declared,
     FactItem,
     FactNode,
     FoldNode,
     FunctionItem,
     GoalItem,
+    IncludeItem,
     Item,
     Mark,
     ModuleNode,
     PlainHeadItem,
     RuleItem,
     StepsNode,
+    StrategyItem,
     TypeDeclaration,
     TypeName,
     flat,
@@ -176,7 +179,7 @@ def uses(item: Item) -> Iterator[Use]:
             yield Use(item.start, FactRole.START)
             yield Use(item.finish, FactRole.FINISH)
             yield Use(item.violation, FactRole.VIOLATION)
-        case _:
+        case ConstantItem() | IncludeItem() | StrategyItem() | FunctionItem():
             pass
 
 

@@ -245,7 +245,7 @@ def _firings(rule: RuleItem) -> Iterator[Firing]:
                 # `count`, `sum` and `collect` derive a value of no match, too: their body is no premise.
                 inner = _premises(body) if operator.text in WINNING else ()
                 yield Firing([*premises, *inner], tuple(_names([part])), set())
-            case _:
+            case FactNode() | StepsNode():
                 pass
 
 

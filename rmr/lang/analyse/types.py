@@ -169,7 +169,7 @@ def value_type(value: Value) -> Type:
             return FLOAT
         case Symbol():
             return Type(Base.SYMBOL)
-        case _:
+        case str():
             return Type(Base.STRING)
 
 
