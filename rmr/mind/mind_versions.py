@@ -6,6 +6,7 @@ information only.
 
 import hashlib
 import platform
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -43,11 +44,16 @@ def versions() -> dict[str, str]:
 @cache
 def source_digest() -> str:
     """Return the BLAKE2b digest of the sources of PARTS, with their names."""
-    digest = hashlib.blake2b(digest_size=8)
     root = Path(rmr.__file__).parent
-    for part in PARTS:
-        for path in sorted((root / part).rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode() + b"\0")
+    return digest_of(root / part for part in PARTS)
+
+
+def digest_of(packages: Iterable[Path]) -> str:
+    """Return the BLAKE2b digest of the Python sources in some packages, with their names."""
+    digest = hashlib.blake2b(digest_size=8)
+    for package in packages:
+        for path in sorted(package.rglob("*.py")):
+            digest.update(path.relative_to(package.parent).as_posix().encode() + b"\0")
             digest.update(path.read_bytes() + b"\0")
     return digest.hexdigest()
 

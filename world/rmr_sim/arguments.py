@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from rmr.coord.timing import Order
 from rmr.entry.command_line import CommandLineError, Parser, did_you_mean, real, whole
@@ -25,6 +26,7 @@ UNIT_S = {"s": 1, "m": 60, "min": 60, "h": 3600}
 HUNT_ONLY = ("budget", "runs", "methods")
 NOT_HUNTING = {
     "seeds": "draws the seeds of its runs from --seed",
+    "shard": "draws each run from those before it",
     "resume": "cannot be resumed",
     "chaos": "chooses the faults itself",
     "hard_chaos": "chooses the faults itself",
@@ -42,6 +44,9 @@ def declare(parser: Parser) -> None:
     parser.positional("lab", "LAB", read=existing_lab, help="a lab.yaml, its folder, or a provided lab")
     parser.option("--seed", read=whole(), metavar="S", help="instead of the lab file's seed")
     parser.option("--seeds", read=_seeds, metavar="A-B", help="a sweep: a run of each seed, and their summary")
+    parser.option(
+        "--shard", read=_shard, metavar="K/N", help="of a sweep the K-th of N shards: each N-th seed from the K-th"
+    )
     parser.option("--resume", read=Path, metavar="RUN", help="go on with the sweep in this run folder")
     parser.option(
         "--jobs", read=whole(1, JOBS_MAX), metavar="N", help="processes that share a sweep (default: one per core)"
@@ -99,6 +104,12 @@ def check(arguments: argparse.Namespace) -> None:
     if not sweep and not arguments.hunt and arguments.jobs is not None:
         raise CommandLineError("--jobs shares the runs of a sweep or a hunt: name its --seeds, or --hunt")
     check_hunt(arguments)
+    if arguments.shard is not None and not sweep:
+        raise CommandLineError("--shard is a part of a sweep: name its --seeds")
+    if arguments.shard is not None and arguments.seeds is not None and arguments.shard.of > len(arguments.seeds):
+        raise CommandLineError(
+            f"--shard {arguments.shard}: {len(arguments.seeds)} seeds cannot be shared by {arguments.shard.of}"
+        )
     if sweep and arguments.seed is not None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
     if sweep and arguments.view:
@@ -170,6 +181,28 @@ def _some(known: Sequence[str]) -> Callable[[str], tuple[str, ...]]:
         return tuple(dict.fromkeys(names))
 
     return read
+
+
+class Shard(NamedTuple):
+    """A part of a sweep's seeds: the `number`-th of `of` takes each `of`-th seed, from the `number`-th on."""
+
+    number: int = 1
+    of: int = 1
+
+    def seeds(self, whole: range) -> range:
+        """Return the seeds of this shard."""
+        return whole[self.number - 1 :: self.of]
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+
+def _shard(text: str) -> Shard:
+    match = re.fullmatch(f"({WHOLE})/({WHOLE})", text)
+    shard = None if match is None else Shard(int(match[1]), int(match[2]))
+    if shard is None or not 1 <= shard.number <= shard.of <= SEEDS_MAX:
+        raise ValueError(f"a shard such as 3/50, from 1/50 to 50/50, not {text!r:.40}")
+    return shard
 
 
 def _seeds(text: str) -> range:

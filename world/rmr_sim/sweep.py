@@ -11,18 +11,20 @@ import json
 import shlex
 import sys
 import time
+from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from typing import Any, TextIO
 
 from rmr.entry import JSON_VERSION, ExitCode
-from rmr_sim.arguments import command_of, cores
+from rmr_sim.arguments import Shard, cores
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import LoadedLab, Options, load
 from rmr_sim.seed_run import BREAKDOWN_FILE, Result, Row, exit_code, fails, lost, run_seed, write_trace
-from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
+from rmr_sim.sweep_rows import Rows, RowsError, head, is_new, read, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, histogram_lines, lines_of, summary_of
 from rmr_sim.worker_pool import WorkerPool
 from rmr_world.finding import LabError
@@ -36,48 +38,85 @@ PROGRESS_FIRST_S = 10.0
 PROGRESS_PERIOD_S_MAX = 600.0
 """Longest time between two lines of progress; the time doubles up to this bound."""
 KEPT_MAX = 100
-"""Bound of the failing seeds whose report and trace are kept: each takes a megabyte of disk."""
+"""Bound of the failing seeds whose report and trace are kept, the least ones: each takes a megabyte of disk."""
 
 
 def resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> int:
-    """Go on with a sweep that ended early; return the exit code."""
+    """Go on with a sweep that ended early, or begin it if its seeds are named; return the exit code."""
     folder = arguments.resume
     try:
-        arguments.seeds = arguments.seeds or seeds_of(folder)
-        rows = taken_up(folder, head(arguments, loaded.lab, arguments.seeds))
-    except ResumeError as error:
+        if arguments.seeds is not None and is_new(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            return sweep(arguments, loaded, folder, out)
+        first, _ = read(folder)
+        arguments.seeds = arguments.seeds or seeds_of(first)
+        arguments.shard = arguments.shard or Shard(*first["shard"])
+        rows = taken_up(folder, head(arguments, loaded))
+    except RowsError as error:
         print(f"rmr sim: {error}", file=sys.stderr)
         return ExitCode.USAGE
-    print(f"resuming: {len(rows)} of {len(arguments.seeds)} runs are over", file=sys.stderr)
+    seeds = arguments.shard.seeds(arguments.seeds)
+    print(f"resuming: {len(rows)} of {len(seeds)} runs are over", file=sys.stderr)
     return sweep(arguments, loaded, folder, out, rows)
 
 
 def sweep(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, rows: Sequence[Row] = ()) -> int:
     """Carry out a sweep, in which the runs with `rows` are over; return the exit code."""
-    loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
+    shard = arguments.shard = arguments.shard or Shard()
+    seeds = shard.seeds(arguments.seeds)
+    loaded.simulation(seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
-    file = Rows(folder, head(arguments, loaded.lab, arguments.seeds), rows)
-    sweep = Sweep(loaded, arguments.seeds, folder, file, rows)
-    interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))
+    first = head(arguments, loaded)
+    sweep = Sweep(loaded, seeds, folder, Rows(folder, first, rows), rows)
+    interrupted = sweep.run(min(arguments.jobs or cores(), len(seeds)))
     wall_s = time.perf_counter() - began
-    command = command_of(arguments)
-    text = json.dumps(sweep.document(command), indent=1, sort_keys=True)
-    written = _sum_up(folder, text)
-    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *histogram_lines(sweep.rows, out)]
-    lines += failing_lines(sweep.rows, command)
-    if not written:
-        lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in sweep.rows)]
-    print(text if arguments.json else "\n".join(lines), file=out)
+    written = summed_up(first, sweep.rows, folder, out, sweep.speed, json_wanted=arguments.json)
     where = f"all rows are in {folder / SWEEP_FILE}" if written else "all rows are on standard output"
-    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; {where}"
-    again = f"; to go on: {command} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
+    done = f"{len(sweep.rows)} of {len(seeds)} runs in {wall_s:.1f} s; {where}"
+    again = f"; to go on: {first['command']} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
     print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
-    if interrupted or not written or any(map(fails, sweep.rows)):
+    return ExitCode.FAILED if interrupted or not written else exit_code_of(sweep.rows, strict=arguments.strict)
+
+
+def summed_up(
+    first: dict[str, Any], rows: Sequence[Row], folder: Path, out: TextIO, speed: float | None, *, json_wanted: bool
+) -> bool:
+    """Write `sweep.json`, and print the summary or, if that is wanted, the document; return whether it is written."""
+    text = json.dumps(document(first, rows), indent=1, sort_keys=True)
+    written = _write_document(folder, text)
+    lines = [*lines_of(summary_of(rows), speed), *histogram_lines(rows, out)]
+    lines += failing_lines(rows, first["command"])
+    if not written:
+        lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in rows)]
+    print(text if json_wanted else "\n".join(lines), file=out)
+    return written
+
+
+def exit_code_of(rows: Sequence[Row], *, strict: bool) -> int:
+    """Return the exit code of a sweep that is over."""
+    if any(map(fails, rows)):
         return ExitCode.FAILED
-    return max((exit_code(row, strict=arguments.strict) for row in sweep.rows), default=0)
+    return max((exit_code(row, strict=strict) for row in rows), default=0)
 
 
-def _sum_up(folder: Path, text: str) -> bool:
+def document(first: dict[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the content of `sweep.json`, given the first line of the rows' file and the rows by seed."""
+    command = first["command"]
+    failing = [row["seed"] for row in rows if fails(row)]
+    return {
+        "version": JSON_VERSION,
+        "lab": first["lab"],
+        "command": command,
+        "first_seed": first["seeds"][0],
+        "last_seed": first["seeds"][1],
+        "shard": first["shard"],
+        "summary": summary_of(rows),
+        "failing": [{"seed": seed, "command": f"{command} --seed {seed}"} for seed in failing],
+        "rows": list(rows),
+    }
+
+
+def _write_document(folder: Path, text: str) -> bool:
     """Write `sweep.json`, into a new folder where the old one is gone; return whether that was possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,7 +138,8 @@ class Sweep:
         self._file = file
         self._rows: dict[int, Row] = {row["seed"]: row for row in rows}
         self._left = [seed for seed in seeds if seed not in self._rows]
-        self._kept = min(KEPT_MAX, sum(map(fails, rows)))
+        self._kept = [row["seed"] for row in self.rows if fails(row)][:KEPT_MAX]
+        self._keeps = True
         self._time_s = self._took_s = 0.0
 
     def run(self, jobs: int) -> bool:
@@ -110,6 +150,8 @@ class Sweep:
             for result in self._results(jobs, interruption):
                 self._take(result)
                 tell(fails(result.row))
+        if len(self._rows) == len(self._seeds):
+            self._file.sort(self.rows)
         return interruption.came
 
     def _results(self, jobs: int, interruption: Interruption) -> Iterator[Result]:
@@ -126,19 +168,24 @@ class Sweep:
         self._rows[result.row["seed"]] = result.row
         self._time_s += result.time_s
         self._took_s += result.took_s
+        if fails(result.row) and self._keeps:
+            self._keep(result)  # before its row: a sweep that is killed in between runs the seed again
         if wrong := self._file.add(result.row):
             print(f"rmr sim: {wrong}", file=sys.stderr)
-            self._kept = KEPT_MAX  # these files are in the same folder: writing them would fail, too
-        if fails(result.row) and self._kept < KEPT_MAX:
-            self._kept += 1
-            self._keep(result)
+            self._keeps = False  # these files are in the same folder: writing them would fail, too
 
     def _keep(self, result: Result) -> None:
-        folder = self._folder / "failed" / f"seed-{result.row['seed']}"
+        """Keep the files of a seed that failed if it is among the first: whichever order the runs end in."""
+        insort(self._kept, result.row["seed"])
+        dropped = self._kept.pop() if len(self._kept) > KEPT_MAX else None
+        folder = failed_folder(self._folder, result.row["seed"])
         try:
-            keep(result, folder)
+            if dropped != result.row["seed"]:
+                keep(result, folder)
+            if dropped is not None:
+                rmtree(failed_folder(self._folder, dropped), ignore_errors=True)
         except OSError as error:
-            self._kept = KEPT_MAX
+            self._keeps = False
             print(
                 f"rmr sim: cannot write {folder}: {error.strerror}; no further seed that fails is kept", file=sys.stderr
             )
@@ -152,21 +199,6 @@ class Sweep:
     def speed(self) -> float:
         """Seconds simulated in a second of one processor."""
         return self._time_s / self._took_s if self._took_s > 0 else 0.0
-
-    def document(self, command: str) -> dict[str, Any]:
-        """Return the content of `sweep.json`; `command` with `--seed` repeats a run."""
-        rows = self.rows
-        failing = [row["seed"] for row in rows if fails(row)]
-        return {
-            "version": JSON_VERSION,
-            "lab": self._loaded.lab.name,
-            "command": command,
-            "first_seed": self._seeds[0],
-            "last_seed": self._seeds[-1],
-            "summary": summary_of(rows),
-            "failing": [{"seed": seed, "command": f"{command} --seed {seed}"} for seed in failing],
-            "rows": rows,
-        }
 
 
 class ProgressLines:
@@ -198,6 +230,11 @@ class ProgressLines:
 
 def _spell(length_s: float) -> str:
     return f"{length_s:.0f} s" if length_s < 120 else f"{length_s / 60:.0f} min"
+
+
+def failed_folder(run: Path, seed: int) -> Path:
+    """Return the folder of a seed that failed."""
+    return run / "failed" / f"seed-{seed}"
 
 
 def keep(result: Result, folder: Path) -> None:

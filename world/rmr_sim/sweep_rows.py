@@ -1,82 +1,127 @@
 """The file of a sweep's rows: a JSON line for each run, written as soon as the run ends, so that none is lost.
 
-The first line identifies the sweep: version, lab, options, seeds, and a digest of the user's files. `--resume` requires
-all of them to be equal, since rows of different sweeps cannot be summarised together. An incomplete last line, as a
-killed process leaves it, is dropped.
+The first line identifies the sweep: RMR, its sources and what else computes with it, lab, options, seeds, shard, and a
+digest of the user's files. `--resume` requires all of them to be equal, and `rmr sweep merge` all but the shard, since
+rows of different sweeps cannot be summarised together. An incomplete last line, as a killed process leaves it, is
+dropped. When all runs are over, the rows are brought into the order of their seeds.
 """
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from functools import cache
 from hashlib import sha256
+from importlib.metadata import version
 from os import SEEK_END
 from pathlib import Path
 from typing import Any, TextIO
 
-from rmr import __version__
+import rmr
+import rmr_sim
+import rmr_world
 from rmr.base.file_errors import naming
+from rmr.mind.mind_versions import digest_of
+from rmr.mind.mind_versions import versions as mind_versions
 from rmr_sim.arguments import command_of
+from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import Row
-from rmr_world.lab import Lab
 
 ROWS_FILE = "rows.jsonl"
+NEW = ".new"
+"""Suffix of the file while it is written anew."""
 NAMES = {
     "version": "version of rmr",
+    "sources": "sources of rmr",
+    "platform": "what it runs on",
     "lab": "lab",
     "options": "options",
     "seeds": "seeds",
+    "shard": "shard",
     "files": "contents of the lab, program or Python files",
 }
 """Key in the first line -> its name in error messages."""
 
 
-class ResumeError(Exception):
-    """A sweep cannot be resumed; the message gives the reason and the remedy."""
+class RowsError(Exception):
+    """A folder's rows cannot be used; the message gives the reason and the remedy."""
 
 
-def head(arguments: argparse.Namespace, lab: Lab, seeds: range) -> dict[str, Any]:
+@cache
+def versions() -> dict[str, str]:
+    """Return what a row depends on beside lab, seed and options."""
+    mind = mind_versions()
+    packages = [Path(module.__path__[0]) for module in (rmr, rmr_world, rmr_sim)]
+    libraries = [f"{name} {version(name)}" for name in ("numpy", "pymunk")]
+    runs_on = [f"{mind['system']} {mind['machine']}", mind["libc"], mind["python"], *libraries]
+    return {"version": mind["rmr"], "sources": digest_of(packages), "platform": ", ".join(filter(None, runs_on))}
+
+
+def head(arguments: argparse.Namespace, loaded: LoadedLab) -> dict[str, Any]:
     """Return the first line of the file, which identifies the sweep. Raises OSError for an unreadable file."""
-    files = [lab.path, lab.program, arguments.actions, arguments.events]
-    digest = sha256(b"".join(sha256(file.read_bytes()).digest() for file in files if file is not None))
+    lab = loaded.lab
+    files = [path.read_bytes() for path in (lab.path, lab.program, lab.actions, lab.events) if path is not None]
+    programs = [loaded.program, *(program for _, program in loaded.loads)]  # with all that they include
+    contents = [*files, loaded.key or b"", *(b"%x" % program.digest for program in programs)]
+    named = argparse.Namespace(**{**vars(arguments), "lab": "LAB", "strict": False})
     return {
-        "version": __version__,
+        **versions(),
         "lab": lab.name,
-        "options": command_of(argparse.Namespace(**{**vars(arguments), "lab": "LAB", "strict": False})),
-        "seeds": [seeds[0], seeds[-1]],
-        "files": digest.hexdigest(),
+        "options": command_of(named),
+        "seeds": [arguments.seeds[0], arguments.seeds[-1]],
+        "shard": list(arguments.shard),
+        "files": sha256(b"".join(sha256(each).digest() for each in contents)).hexdigest(),
+        "command": command_of(arguments),
     }
 
 
-def seeds_of(folder: Path) -> range:
-    """Return the seeds of the sweep in `folder`. Raises ResumeError."""
-    first, last = _read(folder)[0]["seeds"]
-    return range(first, last + 1)
+def is_new(folder: Path) -> bool:
+    """Return whether no sweep has begun in `folder`: it is not there, or empty but for a file not yet complete."""
+    return not folder.exists() or (
+        folder.is_dir() and all(each.name == Path(ROWS_FILE).with_suffix(NEW).name for each in folder.iterdir())
+    )
+
+
+def seeds_of(first: dict[str, Any]) -> range:
+    """Return the seeds of the whole sweep with this first line."""
+    least, greatest = first["seeds"]
+    return range(least, greatest + 1)
 
 
 def taken_up(folder: Path, wanted: dict[str, Any]) -> list[Row]:
-    """Return the rows of the sweep in `folder`. Raises ResumeError unless its first line equals `wanted`."""
-    found, *rows = _read(folder)
-    for key, name in NAMES.items():
-        if found[key] != wanted[key]:
-            difference = f": {found[key]} there, {wanted[key]} here" if key != "files" else " differ"
-            raise ResumeError(f"{folder} cannot be resumed, for it has another sweep; {name}{difference}")
-    return rows
+    """Return the rows of the sweep in `folder`, by seed. Raises RowsError unless its first line equals `wanted`."""
+    found, rows = read(folder)
+    different = differences(found, wanted, NAMES)
+    if different:
+        raise RowsError(f"{folder} cannot be resumed, for it has another sweep; {different[0]}")
+    known = {row["seed"]: row for row in rows}  # two that were resumed at once have written the same row twice
+    return [known[seed] for seed in sorted(known)]
 
 
-def _read(folder: Path) -> list[dict[str, Any]]:
+def differences(there: dict[str, Any], here: dict[str, Any], keys: Iterable[str]) -> list[str]:
+    """Return in words which of `keys` two first lines disagree on."""
+    return [
+        f"{NAMES[key]} differ" if key == "files" else f"{NAMES[key]}: {there[key]} there, {here[key]} here"
+        for key in keys
+        if there[key] != here[key]
+    ]
+
+
+def read(folder: Path) -> tuple[dict[str, Any], list[Row]]:
+    """Return the first line of the rows in `folder`, and the rows. Raises RowsError."""
     path = folder / ROWS_FILE
     try:
         lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except (OSError, UnicodeDecodeError):
-        raise ResumeError(f"{folder} is no folder of a sweep: it has no {ROWS_FILE} that can be read") from None
+        raise RowsError(f"{folder} is no folder of a sweep: it has no {ROWS_FILE} that can be read") from None
     whole = [line for line in lines if line.endswith("\n")]
     try:
-        found = [json.loads(line) for line in whole]
-        if not found or not NAMES.keys() <= found[0].keys() or any("seed" not in row for row in found[1:]):
+        first, *rows = [json.loads(line) for line in whole]
+        if not {*NAMES, "command"} <= first.keys() or any("seed" not in row for row in rows):
             raise ValueError
     except (ValueError, AttributeError, TypeError):
-        raise ResumeError(f"{path} does not hold the rows of a sweep; begin a new one without --resume") from None
-    return found
+        raise RowsError(f"{path} does not hold the rows of a sweep of this version; begin a new one") from None
+    return first, rows
 
 
 class Rows:
@@ -85,11 +130,8 @@ class Rows:
     def __init__(self, folder: Path, first: dict[str, Any], rows: Iterable[Row]) -> None:
         """Write the file with its first line and the rows of earlier runs. Raises OSError."""
         self._path = folder / ROWS_FILE
-        partial = self._path.with_suffix(".new")
-        with naming(self._path), partial.open("w", encoding="utf-8") as file:
-            for line in (first, *rows):
-                _write(file, line)
-        partial.replace(self._path)
+        self._first = first
+        self._replace(rows)
         self._writable = True
 
     def add(self, row: Row) -> str:
@@ -104,6 +146,20 @@ class Rows:
             self._writable = False
             return f"cannot write {self._path} any more: {error.strerror}; the sweep goes on and sums up at the end"
         return ""
+
+    def sort(self, rows: Sequence[Row]) -> None:
+        """Bring the file into the order of `rows`, which are those of all runs; nothing is lost where that fails."""
+        if not self._writable:
+            return
+        with suppress(OSError):
+            self._replace(rows)
+
+    def _replace(self, rows: Iterable[Row]) -> None:
+        partial = self._path.with_suffix(NEW)
+        with naming(self._path), partial.open("w", encoding="utf-8") as file:
+            for line in (self._first, *rows):
+                _write(file, line)
+        partial.replace(self._path)
 
 
 def _write(file: TextIO, line: dict[str, Any]) -> None:

@@ -61,8 +61,8 @@ def quantile(ascending: Sequence[float], percent: int) -> float | None:
     return ascending[max(0, math.ceil(len(ascending) * percent / 100) - 1)]
 
 
-def lines_of(summary: dict[str, Any], speed: float) -> list[str]:
-    """Return the table that people read; `speed` is seconds simulated in a second of one processor."""
+def lines_of(summary: dict[str, Any], speed: float | None) -> list[str]:
+    """Return the table that people read; `speed` is seconds simulated in a second of one processor, None: unknown."""
     deadlines = summary["deadlines"]
     best = deadlines["best_possible"]
     at_best = "the best possible is not known" if best is None else f"{best} met at best"
@@ -75,7 +75,7 @@ def lines_of(summary: dict[str, Any], speed: float) -> list[str]:
         "deadlines": f"{deadlines['met']} met, {deadlines['missed']} missed, {at_best}",
         "time": _quantiles(summary["time_s"], " s"),
         "time / bound": _quantiles(summary["time_to_bound"], ""),
-        "simulated at": f"{speed:.1f} x real time on one processor",
+        **({} if speed is None else {"simulated at": f"{speed:.1f} x real time on one processor"}),
         "violations": ", ".join(f"{check} {count}" for check, count in violations.items()) or "none",
     }
     width = max(map(len, table))
