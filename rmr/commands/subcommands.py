@@ -35,6 +35,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "load": ("rmr_deploy.load:main", "Give running robots a new program."),
     "why": ("rmr_deploy.why_program:main", "Say why a fact of a run holds, or why it does not."),
     "sim": ("rmr_sim.main:main", "Run a lab deterministically, in virtual time."),
+    "sweep": ("rmr_sim.main:sweep_main", "Merge the shards of a sweep."),
     "new": ("rmr_lab.main:new_main", "Write a lab of your own that runs at once."),
     "lab": ("rmr_lab.main:main", "List and copy labs; the schema of the lab file."),
     "view": ("rmr_view.view:main", "Show a run in the browser, while it goes on or afterwards."),
@@ -101,7 +102,7 @@ def _own(name: str) -> Runnable:
 
 HEADINGS: dict[str, str] = {
     "programs": "check compile dis eval explain fmt lsp radio",
-    "labs": "new lab sim up agent world router keys sign",
+    "labs": "new lab sim sweep up agent world router keys sign",
     "a lab that runs": "ls ps logs events stats facts config wait attach down "
     "kill stop start restart pause unpause fault load",
     "what a run leaves": "view why replay plot record",

@@ -22,6 +22,7 @@ from rmr.entry.command_line import Runnable
 from rmr_deploy.why_program import why_command
 from rmr_lab.commands import check, new
 from rmr_sim.main import main as simulate
+from rmr_sim.main import sweep_command
 from rmr_view.plot import command as plot
 
 FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -75,6 +76,8 @@ def printed(command: str) -> str:
         return "".join(Path(each).read_text("utf-8") for each in arguments)
     if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
         return _simulated(arguments[1:])
+    if arguments[:1] == ["sweep"]:  # likewise
+        return _invoked(sweep_command(), arguments[1:])
     if arguments[:1] == ["why"]:  # likewise
         return _invoked(why_command(), arguments[1:])
     if arguments[:1] == ["new"]:  # likewise

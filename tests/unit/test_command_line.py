@@ -29,6 +29,7 @@ from rmr_editor.main import command as lsp
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import command as sim
+from rmr_sim.main import sweep_command
 from rmr_view.plot import command as plot
 from rmr_view.view import command as view
 from rmr_world.main import command as world
@@ -40,6 +41,7 @@ PROGRAMS = {
     "rmr-agent": agent(),
     "rmr-world": world(),
     "rmr sim": sim(),
+    "rmr sweep": sweep_command(),
     "rmr up": up(),
     "rmr doctor": doctor,
     "rmr fault": fault(),
