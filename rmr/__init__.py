@@ -1,8 +1,8 @@
 """RMR: one logic program for a whole ensemble of robots, with deadlines that hold.
 
 `from rmr import action, ActionFailed, RobotHandle` is what a file of user actions needs; `rmr.compile`,
-`rmr.evaluate` and `rmr.simulate` do what the commands do (docs/python.md). Each name is loaded on its first use, so
-that `import rmr` costs nothing: a robot process never loads the compiler or the simulator.
+`rmr.evaluate`, `rmr.simulate` and `rmr.sweep` do what the commands do (docs/python.md). Each name is loaded on its
+first use, so that `import rmr` costs nothing: a robot process never loads the compiler or the simulator.
 """
 
 from importlib import import_module
@@ -29,6 +29,8 @@ _HOMES = {
     "LabError": "rmr_world.finding",
     "Run": "rmr_sim.simulation_api",
     "simulate": "rmr_sim.simulation_api",
+    "Sweep": "rmr_sim.sweep_api",
+    "sweep": "rmr_sim.sweep_api",
 }
 """Name -> the module that defines it."""
 

@@ -12,6 +12,8 @@ from rmr.node.actions.dispatcher import action as action
 from rmr_sim.event import EventError as EventError
 from rmr_sim.simulation_api import Run as Run
 from rmr_sim.simulation_api import simulate as simulate
+from rmr_sim.sweep_api import Sweep as Sweep
+from rmr_sim.sweep_api import sweep as sweep
 from rmr_world.finding import LabError as LabError
 
 __version__: str

@@ -14,7 +14,7 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -71,10 +71,6 @@ def kept_rows(folder: Path) -> list[Row]:
     return [json.loads(line) for line in lines if line.endswith("\n")]
 
 
-def _taker(*, chaos: bool) -> Callable[[int], Row]:
-    return partial(_take, chaos=chaos)
-
-
 def _take(seed: int, *, chaos: bool) -> Row:
     return taken(drawn_entry(seed, chaos=chaos))
 
@@ -104,7 +100,7 @@ def campaign(seeds: Iterable[int], folder: Path, jobs: int, *, chaos: bool, resu
         file.writelines(f"{json.dumps(row)}\n" for row in rows)
     with (
         Interruption() as interruption,
-        WorkerPool(max(1, min(jobs, len(left))), partial(_taker, chaos=chaos), _lost) as pool,
+        WorkerPool(max(1, min(jobs, len(left))), partial(_take, chaos=chaos), _lost) as pool,
     ):
         for _, row in pool.outcomes(left, interruption):
             rows.append(row)

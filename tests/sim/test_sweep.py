@@ -7,12 +7,9 @@ import pytest
 from test_command import LAB, code_of, tiny
 
 from rmr_sim.arguments import JOBS_MAX, cores, parse
-from rmr_sim.interruption import Interruption
 from rmr_sim.main import main
-from rmr_sim.run_setup import Options
 from rmr_sim.seed_run import row_of
 from rmr_sim.simulation import Simulation
-from rmr_sim.sweep import shared
 from rmr_sim.sweep_summary import failing_lines, quantile, summary_of
 
 pytestmark = pytest.mark.medium
@@ -235,10 +232,3 @@ def test_a_row_counts_what_the_report_tells():
         "unsendable": 3,
         "error": None,
     }
-
-
-def test_a_lab_that_is_gone_when_a_process_begins_fails_its_seeds_without_a_traceback(tmp_path, capfd):
-    results = list(shared(tmp_path / "gone.yaml", Options(), range(1, 3), 1, Interruption()))
-    assert [result.row["seed"] for result in results] == [1, 2]
-    assert all("gone.yaml" in result.row["error"] for result in results)
-    assert "Traceback" not in capfd.readouterr().err

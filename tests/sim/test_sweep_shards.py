@@ -97,7 +97,7 @@ def test_the_least_of_the_seeds_that_fail_are_kept_in_whichever_order_they_come(
     kept = octets_of(run)
     assert sorted(each.name for each in (run / "failed").iterdir()) == ["seed-1", "seed-2"]
     backwards = tmp_path / "backwards"
-    monkeypatch.setattr(sweep.Sweep, "_results", _backwards(sweep.Sweep._results))
+    monkeypatch.setattr(sweep.SweepRuns, "_results", _backwards(sweep.SweepRuns._results))
     assert code_of([str(tmp_path), "--seeds", "1-4", "--jobs", "1", "--run", str(backwards)]) == 1
     assert octets_of(backwards) == kept
 

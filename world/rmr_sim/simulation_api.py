@@ -4,7 +4,8 @@ It raises the exceptions of `rmr.base.errors`, prints nothing and writes no file
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
 from numbers import Real
@@ -21,7 +22,7 @@ from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
 from rmr.coord.timing import Order
 from rmr.node.trace import TraceLevel
 from rmr_sim.event import Event
-from rmr_sim.run_setup import LoadedLab, Options, load, report_of
+from rmr_sim.run_setup import Options, load, report_of
 from rmr_sim.simulation import Simulation
 from rmr_world.provided_labs import missing, resolve
 from rmr_world.run_report import COLUMNS, summary, table_rows
@@ -126,13 +127,61 @@ def simulate(
     Raises UsageError for an argument that cannot be used, LabError or ProgramError for a lab or a program that is
     wrong, EventError when an event's own code fails.
     """
+    path = lab_in(lab)
+    event_file, own_events = _file_or_events(events)
+    wanted = options_of(
+        robots=robots,
+        loss=loss,
+        chaos=chaos,
+        hard_chaos=hard_chaos,
+        durable=durable,
+        facts=facts,
+        faults=faults,
+        order=order,
+        actions=actions,
+        event_file=event_file,
+        duration=duration,
+    )
+    sampled = _checked_rate(rate)
+    seed = _whole("seed", seed, 0)
+    with reading():
+        loaded = load(path, wanted)
+        simulation = loaded.simulation(seed, TraceLevel.FACTS)
+    for event in own_events:
+        simulation.schedule(event)
+    sampler = Sampler(simulation, sampled)
+    simulation.checkers.append(sampler.sample)
+    finished = simulation.run()
+    warnings = [line for text in loaded.warnings for line in text.splitlines()]
+    return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
+
+
+def lab_in(lab: str | PathLike[str]) -> Path:
+    """Return the path of a lab. Raises UsageError."""
     require("lab", lab, (str, PathLike), "a path, or the name of a provided lab")
     path = resolve(Path(lab))
     if not path.exists():
         raise UsageError(missing(path))
+    return path
+
+
+def options_of(
+    *,
+    robots: int | None,
+    loss: float | None,
+    chaos: bool,
+    hard_chaos: bool,
+    durable: bool,
+    facts: Iterable[str],
+    faults: Iterable[Mapping[str, object]],
+    order: str,
+    actions: str | PathLike[str] | None,
+    event_file: Path | None,
+    duration: float | None,
+) -> Options:
+    """Return the options of runs. Raises UsageError."""
     require("actions", actions, (str, PathLike, NoneType), "the path of a file of handlers")
-    event_file, own_events = _file_or_events(events)
-    wanted = Options(
+    return Options(
         robots=_whole("robots", robots, 1),
         loss=_checked_loss(loss),
         actions=None if actions is None else Path(actions),
@@ -145,22 +194,13 @@ def simulate(
         order=_order(order),
         duration=_checked_duration(duration),
     )
-    sampled = _checked_rate(rate)
-    loaded, simulation = _prepared(path, wanted, _whole("seed", seed, 0))
-    for event in own_events:
-        simulation.schedule(event)
-    sampler = Sampler(simulation, sampled)
-    simulation.checkers.append(sampler.sample)
-    finished = simulation.run()
-    warnings = [line for text in loaded.warnings for line in text.splitlines()]
-    return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
 
 
-def _prepared(path: Path, wanted: Options, seed: int | None) -> tuple[LoadedLab, Simulation]:
-    """Return the lab and a run of it. Raises UsageError for a file that cannot be read."""
+@contextmanager
+def reading() -> Iterator[None]:
+    """Raise UsageError for a file that cannot be read."""
     try:
-        loaded = load(path, wanted)
-        return loaded, loaded.simulation(seed, TraceLevel.FACTS)
+        yield
     except OSError as error:
         raise UsageError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
 

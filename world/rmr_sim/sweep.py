@@ -14,7 +14,6 @@ import time
 from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from typing import Any, TextIO
@@ -22,13 +21,12 @@ from typing import Any, TextIO
 from rmr.entry import JSON_VERSION, ExitCode
 from rmr_sim.arguments import Shard, cores
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_setup import LoadedLab, Options, load
+from rmr_sim.lab_task import LabTask
+from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import BREAKDOWN_FILE, Result, Row, exit_code, fails, lost, run_seed, write_trace
 from rmr_sim.sweep_rows import Rows, RowsError, head, is_new, read, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, histogram_lines, lines_of, summary_of
 from rmr_sim.worker_pool import WorkerPool
-from rmr_world.finding import LabError
-from rmr_world.lab_program import ProgramError
 from rmr_world.run_report import write
 
 SWEEP_FILE = "sweep.json"
@@ -67,7 +65,7 @@ def sweep(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: T
     loaded.simulation(seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
     first = head(arguments, loaded)
-    sweep = Sweep(loaded, seeds, folder, Rows(folder, first, rows), rows)
+    sweep = SweepRuns(loaded, seeds, folder, Rows(folder, first, rows), rows)
     interrupted = sweep.run(min(arguments.jobs or cores(), len(seeds)))
     wall_s = time.perf_counter() - began
     written = summed_up(first, sweep.rows, folder, out, sweep.speed, json_wanted=arguments.json)
@@ -127,7 +125,7 @@ def _write_document(folder: Path, text: str) -> bool:
     return True
 
 
-class Sweep:
+class SweepRuns:
     """A sweep and the rows of the runs that have ended."""
 
     def __init__(self, loaded: LoadedLab, seeds: range, folder: Path, file: Rows, rows: Sequence[Row] = ()) -> None:
@@ -156,7 +154,9 @@ class Sweep:
 
     def _results(self, jobs: int, interruption: Interruption) -> Iterator[Result]:
         if jobs > 1:
-            yield from shared(self._loaded.lab.path, self._loaded.options, self._left, jobs, interruption)
+            with WorkerPool(min(jobs, len(self._left)), LabTask(self._loaded, run_seed), lost) as pool:
+                for _, result in pool.outcomes(self._left, interruption):
+                    yield result
             return
         for seed in self._left:
             result = run_seed(self._loaded, seed, interruption)
@@ -271,20 +271,3 @@ def _progress(total: int) -> Iterator[Callable[[bool], None]]:
             shown.update(task, advance=1, description=f"runs, {failed} failed" if failed else "runs")
 
         yield tell
-
-
-def shared(
-    path: Path, options: Options, seeds: Sequence[int], jobs: int, interruption: Interruption
-) -> Iterator[Result]:
-    """Yield the result of each seed as it comes, from `jobs` processes; end early when Ctrl-C comes."""
-    with WorkerPool(min(jobs, len(seeds)), partial(_runner, path, options), lost) as pool:
-        for _, result in pool.outcomes(seeds, interruption):
-            yield result
-
-
-def _runner(path: Path, options: Options) -> Callable[[int], Result]:
-    """Return the runner of a seed. The files were valid when the sweep began; a later mistake in them is reported."""
-    try:
-        return partial(run_seed, load(path, options))
-    except (LabError, ProgramError, OSError) as error:
-        return partial(lost, error=str(error))

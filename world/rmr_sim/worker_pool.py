@@ -26,16 +26,14 @@ Outcome = TypeVar("Outcome")
 class WorkerPool(Generic[Task, Outcome]):
     """Processes that carry out tasks. A context manager: at its end no process is left."""
 
-    def __init__(
-        self, jobs: int, make: Callable[[], Callable[[Task], Outcome]], lost: Callable[[Task, str], Outcome]
-    ) -> None:
-        """Each of `jobs` processes calls `make` once, and what that returns with each task. Both can be pickled.
+    def __init__(self, jobs: int, perform: Callable[[Task], Outcome], lost: Callable[[Task, str], Outcome]) -> None:
+        """Each of `jobs` processes calls `perform`, which can be pickled, with each task.
 
         `lost` returns the outcome of a task whose process has died, given the reason.
         """
-        self._make = make
+        self._perform = perform
         self._lost = lost
-        self._workers = [_Worker(make, lost) for _ in range(jobs)]
+        self._workers = [_Worker(perform, lost) for _ in range(jobs)]
 
     def __enter__(self) -> "WorkerPool[Task, Outcome]":
         return self
@@ -55,7 +53,7 @@ class WorkerPool(Generic[Task, Outcome]):
             for place in [place for place in busy if self._workers[place].results in ready]:
                 yield self._workers[place].take()
                 if not self._workers[place].alive:
-                    self._workers[place] = _Worker(self._make, self._lost)
+                    self._workers[place] = _Worker(self._perform, self._lost)
                 if waiting:
                     self._workers[place].give(*waiting.pop())
                 else:
@@ -65,12 +63,12 @@ class WorkerPool(Generic[Task, Outcome]):
 class _Worker(Generic[Task, Outcome]):
     """One process and what it works on."""
 
-    def __init__(self, make: Callable[[], Callable[[Task], Outcome]], lost: Callable[[Task, str], Outcome]) -> None:
+    def __init__(self, perform: Callable[[Task], Outcome], lost: Callable[[Task, str], Outcome]) -> None:
         self._lost = lost
         context = get_context("spawn")
         self.results, theirs = context.Pipe()
         with interrupted_later():
-            self._process: BaseProcess = context.Process(target=_work, args=(theirs, make), daemon=True)
+            self._process: BaseProcess = context.Process(target=_work, args=(theirs, perform), daemon=True)
             self._process.start()
         theirs.close()  # so that the end of the process ends the pipe
         self.alive = True
@@ -101,11 +99,10 @@ class _Worker(Generic[Task, Outcome]):
         self._process.join()
 
 
-def _work(results: Connection, make: Callable[[], Callable[[Task], Outcome]]) -> None:
+def _work(results: Connection, perform: Callable[[Task], Outcome]) -> None:
     """Carry out the tasks that come until no more do."""
     end_with_parent()
     sys.stdout = sys.stderr  # standard output is the parent's: of what users' files print it has nothing
-    perform = make()
     while True:
         try:
             task = results.recv()

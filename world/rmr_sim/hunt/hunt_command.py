@@ -17,8 +17,9 @@ from rmr_sim.arguments import command_of, cores
 from rmr_sim.hunt.hunt_names import METHODS
 from rmr_sim.hunt.hunt_report import budget_words, finding_entry, finding_lines, hunt_document, lab_text
 from rmr_sim.hunt.hunt_search import HuntSearch, Quarry, RunBatch
-from rmr_sim.hunt.hunt_trial import Trial, TrialOutcome, lost, runner, tried
+from rmr_sim.hunt.hunt_trial import Trial, TrialOutcome, lost, tried
 from rmr_sim.interruption import Interruption
+from rmr_sim.lab_task import LabTask
 from rmr_sim.run_setup import LoadedLab
 from rmr_sim.worker_pool import WorkerPool
 
@@ -127,7 +128,7 @@ def _batches(loaded: LoadedLab, jobs: int, interruption: Interruption) -> Iterat
     if jobs == 1:
         yield partial(_in_turn, loaded, interruption)
         return
-    with WorkerPool(jobs, partial(runner, loaded.lab.path, loaded.options), lost) as pool:
+    with WorkerPool(jobs, LabTask(loaded, tried), lost) as pool:
         yield partial(_in_order, pool, interruption)
 
 

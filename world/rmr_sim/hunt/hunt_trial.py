@@ -1,7 +1,7 @@
 """One run of a hunt: a seed and a list of harms, and what came of it. A run that breaks a property ends there."""
 
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,9 @@ from rmr_sim.event import EventError
 from rmr_sim.hunt.harm import Harm, with_harms
 from rmr_sim.hunt.hunt_names import CONTACT, EXCLUSION, RULES, UNFINISHED
 from rmr_sim.hunt.lineage import APART_M, LineageObserver, Support
-from rmr_sim.run_setup import LoadedLab, Options, load
+from rmr_sim.run_setup import LoadedLab
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import Violation
-from rmr_world.finding import LabError
 from rmr_world.lab_program import ProgramError
 
 CHECKS = {"contact": CONTACT, "overlap": EXCLUSION}
@@ -111,11 +110,3 @@ def _tried(loaded: LoadedLab, trial: Trial) -> TrialOutcome:
 def lost(trial: Trial, error: str) -> TrialOutcome:
     """Return the outcome of a trial that ended in `error`."""
     return TrialOutcome(trial, Broken(ERROR, 0.0, (), error), APART_M, ())
-
-
-def runner(path: Path, options: Options) -> Callable[[Trial], TrialOutcome]:
-    """Return the function that carries out trials of the lab in `path`, for a worker process."""
-    try:
-        return partial(tried, load(path, options))
-    except (LabError, ProgramError, OSError) as error:
-        return partial(lost, error=str(error))
