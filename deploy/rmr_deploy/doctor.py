@@ -40,13 +40,14 @@ USES: Final[Mapping[str, str]] = {
 }
 """Library of every install -> what wants it."""
 EXTRAS: Final[Mapping[str, str]] = {
+    "cluster": "rmr sim --on: sweeps on a Dask cluster",
     "editor": "rmr lsp",
     "plot": "rmr plot NAME",
     "dev": "make test and make lint",
     "bench": "make bench: the rivals",
     "paper": "make paper",
 }
-"""Extra -> what wants it; all but the first two are of use in a clone alone."""
+"""Extra -> what wants it; all but the first three are of use in a clone alone."""
 PROGRAMS: Final[Mapping[str, tuple[str, str]]] = {
     "cc": ("make fast", "apt-get install gcc python3-dev, or name yours in CC"),
     "chromium": ("tests of the page", "apt-get install chromium"),
@@ -109,7 +110,7 @@ def _libraries() -> Iterator[MachineCheck]:
             "libraries", True, f"all {count}; eclipse-zenoh {metadata.version('eclipse-zenoh')}", "all commands", ""
         )
     clone = (CLONE / "pyproject.toml").is_file()
-    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:2]:
+    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:3]:
         mend = f"pip install {'-e ' if clone else ''}'{'.' if clone else DISTRIBUTION}[{extra}]'"
         yield _check(extra, extra not in wrong, ", ".join(wrong.get(extra, ["all of it"])), use, mend, needed=False)
 

@@ -3,6 +3,8 @@
 import os
 import shlex
 import shutil
+import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -78,3 +80,28 @@ def test_the_jobs_of_the_page_leave_what_one_machine_leaves(tmp_path, alone, job
     assert len(folders) == len(SHARDS)
     assert ended(["rmr", "sweep", "merge", *map(str, folders), "-o", "whole"], tmp_path) == 0
     assert files_in(tmp_path / "whole") == alone
+
+
+def test_the_cluster_of_the_page_leaves_what_one_machine_leaves(tmp_path, alone):
+    """The lines of the page, on a free port; the group that the shell began ends with it."""
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install 'rmr-robots[cluster]'")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    script = BLOCKS["cluster.sh"].replace("8786", port)
+    with (tmp_path / "log").open("w") as log:
+        shell = subprocess.Popen(
+            ["sh", "-c", script],
+            cwd=tmp_path,
+            env={**os.environ, "PATH": path},
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+        try:
+            code = shell.wait(timeout=120)
+        finally:
+            os.killpg(shell.pid, signal.SIGKILL)
+    assert code == 0, (tmp_path / "log").read_text()
+    assert files_in(tmp_path / "cluster") == alone

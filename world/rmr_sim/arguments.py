@@ -51,6 +51,9 @@ def declare(parser: Parser) -> None:
     parser.option(
         "--jobs", read=whole(1, JOBS_MAX), metavar="N", help="processes that share a sweep (default: one per core)"
     )
+    parser.option(
+        "--on", read=_address, metavar="tcp://HOST:PORT", help="a Dask scheduler whose workers share a sweep or a hunt"
+    )
     parser.option("--robots", read=whole(1), metavar="N", help="only the first N robots of the lab")
     parser.option("--loss", read=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.flag("--chaos", help="faults at random for a while, drawn from the seed")
@@ -101,15 +104,8 @@ def check(arguments: argparse.Namespace) -> None:
     if not arguments.view and (arguments.port is not None or arguments.speed is not None or arguments.control):
         raise CommandLineError("--port, --speed and --control are about the page: ask for it with --view")
     sweep = arguments.seeds is not None or arguments.resume is not None
-    if not sweep and not arguments.hunt and arguments.jobs is not None:
-        raise CommandLineError("--jobs shares the runs of a sweep or a hunt: name its --seeds, or --hunt")
     check_hunt(arguments)
-    if arguments.shard is not None and not sweep:
-        raise CommandLineError("--shard is a part of a sweep: name its --seeds")
-    if arguments.shard is not None and arguments.seeds is not None and arguments.shard.of > len(arguments.seeds):
-        raise CommandLineError(
-            f"--shard {arguments.shard}: {len(arguments.seeds)} seeds cannot be shared by {arguments.shard.of}"
-        )
+    _check_shared(arguments, sweep=sweep)
     if sweep and arguments.seed is not None:
         raise CommandLineError("--seed is one run, --seeds a sweep: name one of them")
     if sweep and arguments.view:
@@ -120,6 +116,22 @@ def check(arguments: argparse.Namespace) -> None:
         raise CommandLineError("--record names a recording, --no-record wants none: leave one of them out")
     if sweep and arguments.trace is not None:
         raise CommandLineError("--trace is of one run; a sweep keeps the trace of each seed that fails")
+
+
+def _check_shared(arguments: argparse.Namespace, *, sweep: bool) -> None:
+    """Raise CommandLineError for options that do not go together with how runs are shared."""
+    if not sweep and not arguments.hunt and arguments.jobs is not None:
+        raise CommandLineError("--jobs shares the runs of a sweep or a hunt: name its --seeds, or --hunt")
+    if arguments.shard is not None and not sweep:
+        raise CommandLineError("--shard is a part of a sweep: name its --seeds")
+    if arguments.shard is not None and arguments.seeds is not None and arguments.shard.of > len(arguments.seeds):
+        raise CommandLineError(
+            f"--shard {arguments.shard}: {len(arguments.seeds)} seeds cannot be shared by {arguments.shard.of}"
+        )
+    if arguments.on is not None and not (sweep or arguments.hunt):
+        raise CommandLineError("--on shares the runs of a sweep or a hunt: name its --seeds, or --hunt")
+    if arguments.on is not None and arguments.jobs is not None:
+        raise CommandLineError("--jobs are processes of this machine, --on is a cluster: name one of them")
 
 
 def check_hunt(arguments: argparse.Namespace) -> None:
@@ -203,6 +215,12 @@ def _shard(text: str) -> Shard:
     if shard is None or not 1 <= shard.number <= shard.of <= SEEDS_MAX:
         raise ValueError(f"a shard such as 3/50, from 1/50 to 50/50, not {text!r:.40}")
     return shard
+
+
+def _address(text: str) -> str:
+    if re.fullmatch(r"(tcp|tls|wss?|ucx)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:]+\]:[0-9]{1,5}", text) is None:
+        raise ValueError(f"the address of a Dask scheduler, such as tcp://scheduler:8786, not {text!r:.60}")
+    return text
 
 
 def _seeds(text: str) -> range:

@@ -1,10 +1,21 @@
-"""Ctrl-C: the first one ends the run in order, the second one at once."""
+"""What ends runs early: Ctrl-C, the first one in order, the second one at once; and a cluster that is lost."""
 
 import signal
 from collections.abc import Callable
 from types import TracebackType
 
 from rmr.base.mistake import expect_ctrl_c
+
+LOOK_S = 0.2
+"""Period of the check for Ctrl-C while all who share the runs are busy."""
+
+
+class PoolError(Exception):
+    """A cluster cannot be used; the message says why and what to do."""
+
+
+class PoolLostError(PoolError):
+    """A cluster was lost on the way; what has come until then is good."""
 
 
 class Interruption:

@@ -23,7 +23,7 @@ from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
 from rmr_sim.event import EventError
-from rmr_sim.interruption import Interruption
+from rmr_sim.interruption import Interruption, PoolError
 from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import BREAKDOWN_FILE, exit_code, row_of, write_trace
 from rmr_sim.simulation import Simulation
@@ -92,8 +92,8 @@ def _perform(arguments: argparse.Namespace, out: TextIO, viewer: Viewer | None) 
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID
-    except EventError as error:
-        print(f"rmr sim: {error}", file=sys.stderr)
+    except (EventError, PoolError) as error:
+        print("\n".join(f"rmr sim: {line}" for line in str(error).splitlines()), file=sys.stderr)
         return ExitCode.FAILED
     except BrokenPipeError:
         raise  # of the output: it is no mistake to have seen enough

@@ -13,21 +13,26 @@ import sys
 import time
 from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import rmtree
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rmr.entry import JSON_VERSION, ExitCode
 from rmr_sim.arguments import Shard, cores
-from rmr_sim.interruption import Interruption
+from rmr_sim.interruption import Interruption, PoolLostError
 from rmr_sim.lab_task import LabTask
 from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import BREAKDOWN_FILE, Result, Row, exit_code, fails, lost, run_seed, write_trace
 from rmr_sim.sweep_rows import Rows, RowsError, head, is_new, read, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, histogram_lines, lines_of, summary_of
-from rmr_sim.worker_pool import WorkerPool
+from rmr_sim.worker_pool import WorkerPool, pool_of
 from rmr_world.run_report import write
+
+if TYPE_CHECKING:
+    from rmr_sim.cluster_pool import ClusterPool
+
+    Pool = WorkerPool[int, Result] | ClusterPool[int, Result]
 
 SWEEP_FILE = "sweep.json"
 TRACE_FILE = "trace.jsonl"
@@ -65,15 +70,22 @@ def sweep(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: T
     loaded.simulation(seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
     first = head(arguments, loaded)
-    sweep = SweepRuns(loaded, seeds, folder, Rows(folder, first, rows), rows)
-    interrupted = sweep.run(min(arguments.jobs or cores(), len(seeds)))
+    jobs = min(arguments.jobs or cores(), len(seeds))
+    with ExitStack() as stack:
+        pool: Pool | None = None
+        if jobs > 1 or arguments.on is not None:
+            pool = pool_of(jobs, arguments.on, LabTask(loaded, run_seed), lost)
+            stack.enter_context(pool)
+        sweep = SweepRuns(loaded, seeds, folder, Rows(folder, first, rows), rows)
+        ended = sweep.run(pool)
     wall_s = time.perf_counter() - began
     written = summed_up(first, sweep.rows, folder, out, sweep.speed, json_wanted=arguments.json)
     where = f"all rows are in {folder / SWEEP_FILE}" if written else "all rows are on standard output"
     done = f"{len(sweep.rows)} of {len(seeds)} runs in {wall_s:.1f} s; {where}"
-    again = f"; to go on: {first['command']} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
-    print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
-    return ExitCode.FAILED if interrupted or not written else exit_code_of(sweep.rows, strict=arguments.strict)
+    on = f" --on {arguments.on}" if arguments.on else ""
+    again = f"; to go on: {first['command']}{on} --resume {shlex.quote(str(folder))}" if ended and written else ""
+    print(f"{f'{ended}: ' if ended else ''}{done}{again}", file=sys.stderr)
+    return ExitCode.FAILED if ended or not written else exit_code_of(sweep.rows, strict=arguments.strict)
 
 
 def summed_up(
@@ -140,23 +152,26 @@ class SweepRuns:
         self._keeps = True
         self._time_s = self._took_s = 0.0
 
-    def run(self, jobs: int) -> bool:
-        """Run all seeds in `jobs` processes (1: in this one); return whether Ctrl-C ended it."""
+    def run(self, pool: "Pool | None") -> str:
+        """Run all seeds in `pool`, or in this process; return what ended it early in words, else an empty string."""
+        ended = ""
         if not self._left:
-            return False
+            return ended
         with Interruption() as interruption, _progress(len(self._left)) as tell:
-            for result in self._results(jobs, interruption):
-                self._take(result)
-                tell(fails(result.row))
+            try:
+                for result in self._results(pool, interruption):
+                    self._take(result)
+                    tell(fails(result.row))
+            except PoolLostError as error:
+                ended = str(error)
         if len(self._rows) == len(self._seeds):
             self._file.sort(self.rows)
-        return interruption.came
+        return "interrupted" if interruption.came else ended
 
-    def _results(self, jobs: int, interruption: Interruption) -> Iterator[Result]:
-        if jobs > 1:
-            with WorkerPool(min(jobs, len(self._left)), LabTask(self._loaded, run_seed), lost) as pool:
-                for _, result in pool.outcomes(self._left, interruption):
-                    yield result
+    def _results(self, pool: "Pool | None", interruption: Interruption) -> Iterator[Result]:
+        if pool is not None:
+            for _, result in pool.outcomes(self._left, interruption):
+                yield result
             return
         for seed in self._left:
             result = run_seed(self._loaded, seed, interruption)

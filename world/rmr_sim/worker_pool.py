@@ -11,16 +11,28 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from rmr.entry.workers import end_with_parent, interrupted_later
-from rmr_sim.interruption import Interruption
+from rmr_sim.interruption import LOOK_S, Interruption
 
-LOOK_S = 0.2
-"""Period of the check for Ctrl-C while all workers are busy."""
+if TYPE_CHECKING:
+    from rmr_sim.cluster_pool import ClusterPool
+
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
+
+
+def pool_of(
+    jobs: int, on: str | None, perform: Callable[[Task], Outcome], lost: Callable[[Task, str], Outcome]
+) -> "WorkerPool[Task, Outcome] | ClusterPool[Task, Outcome]":
+    """Return `jobs` processes, or the cluster at `on`: a context manager."""
+    if on is None:
+        return WorkerPool(jobs, perform, lost)
+    from rmr_sim.cluster_pool import ClusterPool  # noqa: PLC0415 - few sweeps have one
+
+    return ClusterPool(on, perform, lost)
 
 
 class WorkerPool(Generic[Task, Outcome]):

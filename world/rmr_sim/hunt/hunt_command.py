@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rmr.base.time import NS_PER_S
 from rmr.entry import ExitCode
@@ -18,10 +18,13 @@ from rmr_sim.hunt.hunt_names import METHODS
 from rmr_sim.hunt.hunt_report import budget_words, finding_entry, finding_lines, hunt_document, lab_text
 from rmr_sim.hunt.hunt_search import HuntSearch, Quarry, RunBatch
 from rmr_sim.hunt.hunt_trial import Trial, TrialOutcome, lost, tried
-from rmr_sim.interruption import Interruption
+from rmr_sim.interruption import Interruption, PoolLostError
 from rmr_sim.lab_task import LabTask
 from rmr_sim.run_setup import LoadedLab
-from rmr_sim.worker_pool import WorkerPool
+from rmr_sim.worker_pool import WorkerPool, pool_of
+
+if TYPE_CHECKING:
+    from rmr_sim.cluster_pool import ClusterPool
 
 HUNT_FILE = "hunt.json"
 BUDGET_NS = 600 * NS_PER_S
@@ -45,7 +48,11 @@ def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     print(f"hunting for {budget_words(budget.runs, budget.time_ns)}", file=sys.stderr)
     found: list[dict[str, Any]] = []
     jobs = arguments.jobs or cores()
-    with Interruption() as interruption, _batches(loaded, jobs, interruption) as run_batch, _progress() as tell:
+    with (
+        Interruption() as interruption,
+        _batches(loaded, jobs, arguments.on, interruption) as run_batch,
+        _progress() as tell,
+    ):
         search = HuntSearch(lab, quarry, run_batch, lambda runs: 0 if interruption.came else budget.left(runs))
         search.told = lambda: tell(_state(search, len(found)))
         for finding in search.findings():
@@ -123,12 +130,12 @@ class _Budget:
 
 
 @contextmanager
-def _batches(loaded: LoadedLab, jobs: int, interruption: Interruption) -> Iterator[RunBatch]:
-    """Yield the function that runs trials, in this process or in `jobs` others."""
-    if jobs == 1:
+def _batches(loaded: LoadedLab, jobs: int, on: str | None, interruption: Interruption) -> Iterator[RunBatch]:
+    """Yield the function that runs trials, in this process, in `jobs` others, or on the cluster at `on`."""
+    if jobs == 1 and on is None:
         yield partial(_in_turn, loaded, interruption)
         return
-    with WorkerPool(jobs, LabTask(loaded, tried), lost) as pool:
+    with pool_of(jobs, on, LabTask(loaded, tried), lost) as pool:
         yield partial(_in_order, pool, interruption)
 
 
@@ -140,10 +147,17 @@ def _in_turn(loaded: LoadedLab, interruption: Interruption, trials: Sequence[Tri
 
 
 def _in_order(
-    pool: WorkerPool[Trial, TrialOutcome], interruption: Interruption, trials: Sequence[Trial]
+    pool: "WorkerPool[Trial, TrialOutcome] | ClusterPool[Trial, TrialOutcome]",
+    interruption: Interruption,
+    trials: Sequence[Trial],
 ) -> Iterator[TrialOutcome]:
     """Yield the outcomes in the order of the trials, up to the first that an interruption has left out."""
-    known = dict(pool.outcomes(trials, interruption))
+    try:
+        known = dict(pool.outcomes(trials, interruption))
+    except PoolLostError as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        interruption.came = True
+        return
     for index in range(len(trials)):
         if index not in known:
             return
