@@ -14,7 +14,7 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.bus import wire
 from rmr.node.frame_log import FrameLog
 from rmr.node.payloads import PayloadKind
-from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
+from rmr.node.ports import Confirmed, PoseFix, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
 from rmr.radio.station import Station
 
@@ -129,7 +129,8 @@ class BusBody:
         """Take in a sample from the bus."""
         bodies = tuple([SeenBody(*body) for body in sample.bodies])
         self.dropped += len(self._samples) == SAMPLES_MAX
-        self._samples.append(Sensed(*sample._replace(bodies=bodies)))  # type: ignore[arg-type]
+        fix = None if sample.fix is None else PoseFix(*sample.fix)
+        self._samples.append(Sensed(*sample._replace(bodies=bodies, fix=fix)))  # type: ignore[arg-type]
         self.place = sample.truth[:2]
 
     @property

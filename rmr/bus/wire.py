@@ -104,11 +104,12 @@ class Sense(NamedTuple):
     left_m: float
     right_m: float
     gyro: float
-    compass: float
+    compass: float | None
     ranges: tuple[tuple[int, float], ...]
     bodies: tuple[tuple[float, float, float, float], ...]
     bumped: bool
     truth: tuple[float, float, float]
+    fix: tuple[float, float, float, float, float] | None = None
 
 
 class Act(NamedTuple):
@@ -337,11 +338,12 @@ _SAMPLE: Final = (
     quantity,
     quantity,
     quantity,
-    quantity,
+    optional(quantity),
     each(group(count, length), BEACONS_MAX),
     each(_SEEN, ROBOTS_MAX),
     flag,
     _POSE,
+    optional(group(place, place, quantity, length, length)),
 )
 _FACT: Final = group(name, optional(robot), each(value, FACTS_MAX))
 _PATTERN: Final = group(name, each(optional(value), FACTS_MAX))

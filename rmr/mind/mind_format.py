@@ -88,7 +88,13 @@ RECEIVED_HEAD: Final = Struct("<BHB")
 COUNTED: Final = Struct("<BH")
 OUTCOME: Final = Struct("<IB")
 SAMPLE: Final = Struct("<qddddBHH")
-"""Stamp as its distance from the call, left, right, gyro, compass, bumped, number of ranges, of bodies."""
+"""Stamp as its distance from the call, left, right, gyro, compass, flags, number of ranges, of bodies."""
+BUMPED: Final = 1
+NO_COMPASS: Final = 2
+"""The robot has none; the place of its reading holds 0."""
+FIXED: Final = 4
+"""A fix follows the sample."""
+FIX: Final = Struct("<ddddd")
 RANGE: Final = Struct("<Hd")
 BODY: Final = Struct("<dddd")
 BLOB: Final = Struct("<BI")
@@ -109,6 +115,7 @@ pack_received: Final[Pack] = RECEIVED_HEAD.pack
 pack_counted: Final[Pack] = COUNTED.pack
 pack_outcome: Final[Pack] = OUTCOME.pack
 pack_sample: Final[Pack] = SAMPLE.pack
+pack_fix: Final[Pack] = FIX.pack
 pack_range: Final[Pack] = RANGE.pack
 pack_body: Final[Pack] = BODY.pack
 pack_blob: Final[Pack] = BLOB.pack

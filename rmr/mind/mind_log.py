@@ -16,17 +16,20 @@ from rmr.base.time import NS_PER_S, Instant
 from rmr.mind.mind_format import (
     ACT,
     ACTED,
+    BUMPED,
     CALLS,
     CONFIRMED,
     CRC,
     DIGEST,
     END,
     FACT,
+    FIXED,
     HAS_HEADER,
     HEAD,
     MAGIC,
     NEIGHBORS,
     NESTED,
+    NO_COMPASS,
     NOT_DELIVERED,
     NOTE,
     OFFERED,
@@ -45,6 +48,7 @@ from rmr.mind.mind_format import (
     pack_call,
     pack_counted,
     pack_digest,
+    pack_fix,
     pack_frame,
     pack_not_delivered,
     pack_note,
@@ -325,18 +329,24 @@ def _encode_samples(parts: list[bytes], samples: list[Sensed], base: Instant) ->
     for sample in samples:
         ranges = sample.ranges
         bodies = sample.bodies
+        compass = sample.compass
+        fix = sample.fix
+        flags = BUMPED if sample.bumped else 0
+        flags |= (NO_COMPASS if compass is None else 0) | (0 if fix is None else FIXED)
         parts.append(
             pack_sample(
                 sample.stamp - base,
                 sample.left_m,
                 sample.right_m,
                 sample.gyro,
-                sample.compass,
-                sample.bumped,
+                0.0 if compass is None else compass,
+                flags,
                 len(ranges),
                 len(bodies),
             )
         )
+        if fix is not None:
+            parts.append(pack_fix(fix.x, fix.y, fix.theta, fix.sigma_m, fix.sigma_rad))
         for beacon, metres in ranges:
             parts.append(pack_range(beacon, metres))
         parts.extend([pack_body(body.x, body.y, body.vx, body.vy) for body in bodies])

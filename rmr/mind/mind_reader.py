@@ -8,7 +8,7 @@ from zlib import crc32
 from rmr.base.time import Instant
 from rmr.mind import mind_format as form
 from rmr.mind.fact_values import unpack
-from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
+from rmr.node.ports import Confirmed, PoseFix, Received, SeenBody, Sensed
 
 TRUTH: Final = (0.0, 0.0, 0.0)
 """What a sample of a replay says of the truth, which no mind sees and no log holds."""
@@ -200,7 +200,10 @@ class _Cursor:
         return Confirmed(handle, form.STATUSES[status])
 
     def _sample(self) -> Sensed:
-        stamp, left_m, right_m, gyro, compass, bumped, ranges, bodies = self._unpack(form.SAMPLE)
+        stamp, left_m, right_m, gyro, reading, flags, ranges, bodies = self._unpack(form.SAMPLE)
+        compass = None if flags & form.NO_COMPASS else reading
+        fix = PoseFix(*self._unpack(form.FIX)) if flags & form.FIXED else None
         heard = tuple([self._unpack(form.RANGE) for _ in range(ranges)])
         seen = tuple([SeenBody(*self._unpack(form.BODY)) for _ in range(bodies)])
-        return Sensed(self._now + stamp, left_m, right_m, gyro, compass, heard, seen, bool(bumped), TRUTH)
+        bumped = bool(flags & form.BUMPED)
+        return Sensed(self._now + stamp, left_m, right_m, gyro, compass, heard, seen, bumped, TRUTH, fix)

@@ -12,7 +12,7 @@ from rmr.base.geometry import Twist
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.radio.air import Confirmed, Received
 
-__all__ = ["BodyPort", "Confirmed", "Ports", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
+__all__ = ["BodyPort", "Confirmed", "Ports", "PoseFix", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
 
 
 @final
@@ -54,10 +54,44 @@ class SeenBody:
 
 
 @final
+class PoseFix:
+    """A pose that a localisation outside of the robot's mind has measured, as of the sample it stands in."""
+
+    __slots__ = ("sigma_m", "sigma_rad", "theta", "x", "y")
+
+    def __init__(self, x: float, y: float, theta: float, sigma_m: float, sigma_rad: float) -> None:
+        self.x: Final = x
+        """Metres, on the floor of the lab."""
+        self.y: Final = y
+        self.theta: Final = theta
+        """Heading, radians."""
+        self.sigma_m: Final = sigma_m
+        """Standard deviation of the position along its worst axis, as the service states it, metres."""
+        self.sigma_rad: Final = sigma_rad
+        """Likewise of the heading, radians."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PoseFix) and self.values() == other.values()
+
+    def __hash__(self) -> int:
+        return self.values().__hash__()
+
+    def __repr__(self) -> str:
+        return f"PoseFix{self.values()!r}"
+
+    def __reduce__(self) -> tuple[type["PoseFix"], tuple[float, ...]]:
+        return PoseFix, self.values()
+
+    def values(self) -> tuple[float, float, float, float, float]:
+        """Return its arguments."""
+        return self.x, self.y, self.theta, self.sigma_m, self.sigma_rad
+
+
+@final
 class Sensed:
     """One sample of everything that a robot senses. It is never changed."""
 
-    __slots__ = ("bodies", "bumped", "compass", "gyro", "left_m", "ranges", "right_m", "stamp", "truth")
+    __slots__ = ("bodies", "bumped", "compass", "fix", "gyro", "left_m", "ranges", "right_m", "stamp", "truth")
 
     def __init__(
         self,
@@ -65,11 +99,12 @@ class Sensed:
         left_m: float,
         right_m: float,
         gyro: float,
-        compass: float,
+        compass: float | None,
         ranges: tuple[tuple[int, float], ...],
         bodies: tuple[SeenBody, ...],
         bumped: bool,
         truth: tuple[float, float, float],
+        fix: PoseFix | None = None,
     ) -> None:
         self.stamp: Final = stamp
         self.left_m: Final = left_m
@@ -78,7 +113,7 @@ class Sensed:
         self.gyro: Final = gyro
         """Turn rate, rad/s."""
         self.compass: Final = compass
-        """Heading, radians."""
+        """Heading, radians; None: the robot has no compass, and is localised by fixes."""
         self.ranges: Final = ranges
         """(beacon index, metres) for each ultrasonic pulse that arrived since the last sample; mostly empty."""
         self.bodies: Final = bodies
@@ -87,6 +122,8 @@ class Sensed:
         """Whether the hull touches anything."""
         self.truth: Final = truth
         """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
+        self.fix: Final = fix
+        """A pose measured from outside that arrived since the last sample."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sensed) and self._values() == other._values()
@@ -96,7 +133,7 @@ class Sensed:
 
     def _values(self) -> tuple[object, ...]:
         felt = (self.stamp, self.left_m, self.right_m, self.gyro, self.compass, self.ranges)
-        return (*felt, self.bodies, self.bumped, self.truth)
+        return (*felt, self.bodies, self.bumped, self.truth, self.fix)
 
 
 class Spoken(NamedTuple):

@@ -5,11 +5,12 @@ out, because a 3x3 product in numpy costs ten times more than all of this.
 
 * Prediction: the mean of both wheels gives the way, gyro and wheels together the turn (the gyro slips not, the
   wheels drift not). Slip makes the variance grow with the way and the turn.
-* Correction: a compass reading, or the distance to one beacon. A reading that lies more than GATE sigmas off is
-  an outlier and dropped. Many wrong compass readings widen the covariance of the heading, so that they count again.
+* Correction: a compass reading, the distance to one beacon, or a fix, which is a whole pose. A reading that lies more
+  than GATE sigmas off is an outlier and dropped. Many wrong compass readings widen the covariance of the heading, so
+  that they count again.
 * Innovation gate: a cumulative sum (Page, "Continuous inspection schemes", 1954) over the squared innovations of the
-  ranges, in units of their variance. When it passes its limit, `contradicted` says that the position is wrong: the
-  robot was pushed, or is at the mirror image of the estimate.
+  ranges and fixes, in units of their variance. When it passes its limit, `contradicted` says that the position is
+  wrong: the robot was pushed, or is at the mirror image of the estimate.
 """
 
 import math
@@ -17,6 +18,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, hypot, wrap
+from rmr.node.ports import PoseFix
 
 TRACK_M: Final = 0.1
 """Distance between the wheels."""
@@ -34,6 +36,10 @@ COMPASS_SIGMA: Final = 0.06
 """Noise of the compass, radians; more than its datasheet's 2 degrees, because readings at 60 Hz are not alone."""
 RANGE_SIGMA: Final = 0.007
 """Noise of an ultrasonic range, metres."""
+FIX_SIGMA_MIN: Final = 0.005
+"""Least noise of a fix that is believed, metres: services state less than they have."""
+FIX_HEADING_MIN: Final = 0.01
+"""Likewise of its heading, radians."""
 GATE: Final = 4.0
 """A reading farther off than this many sigmas is an outlier."""
 REJECTED_MAX: Final = 4
@@ -135,16 +141,23 @@ class Ekf:
         self._pyt = pyt + b * ptt
         self._ptt = ptt + TURN_SLIP * TURN_SLIP * abs(turn) + GYRO_SIGMA * GYRO_SIGMA * dt * dt
 
-    def compass(self, theta: float) -> bool:
+    def compass(self, theta: float, sigma: float = COMPASS_SIGMA) -> bool:
         """Correct by a compass reading in radians. Returns False when it was an outlier."""
-        if self._correct_heading(wrap(theta - self.theta)):
+        if self._correct_heading(wrap(theta - self.theta), sigma):
             self._compass_bad = 0
             return True
         self._compass_bad += 1
         if self._compass_bad >= REJECTED_MAX:
             self._compass_bad = 0
-            self._ptt = 4.0 * self._ptt + COMPASS_SIGMA * COMPASS_SIGMA
+            self._ptt = 4.0 * self._ptt + sigma * sigma
         return False
+
+    def fix(self, measured: PoseFix) -> None:
+        """Correct by a pose that was measured from outside."""
+        sigma = max(FIX_SIGMA_MIN, measured.sigma_m)
+        self._correct_place(1.0, 0.0, measured.x - self.x, sigma)
+        self._correct_place(0.0, 1.0, measured.y - self.y, sigma)
+        self.compass(measured.theta, max(FIX_HEADING_MIN, measured.sigma_rad))
 
     def range(self, beacon: Point, metres: float) -> bool:
         """Correct by the distance to `beacon`. Returns False when it was an outlier."""
@@ -155,9 +168,9 @@ class Ekf:
             return False
         return self._correct_place(dx / away, dy / away, metres - away, self.range_sigma)
 
-    def _correct_heading(self, residual: float) -> bool:
+    def _correct_heading(self, residual: float, sigma: float) -> bool:
         """Apply a measurement of the heading: its Jacobian is (0, 0, 1)."""
-        return self._apply(self._pxt, self._pyt, self._ptt, self._ptt + COMPASS_SIGMA * COMPASS_SIGMA, residual)
+        return self._apply(self._pxt, self._pyt, self._ptt, self._ptt + sigma * sigma, residual)
 
     def _correct_place(self, hx: float, hy: float, residual: float, sigma: float) -> bool:
         """Apply one scalar measurement of the place with the Jacobian (hx, hy, 0)."""

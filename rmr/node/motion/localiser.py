@@ -6,6 +6,9 @@ as the ranges do not tell it apart. A robot that is *located* runs an extended K
 contradict the filter by more than chance explains, the estimate is dropped and the robot searches again. Without a
 pose the wheels stand.
 
+A robot without a compass is localised from outside, by fixes. It is located when `FIXES_AGREE` of them in a row agree
+with each other and with its odometry. One that drives and gets no fix any more searches again.
+
 A sample is looked at before anything is made of it: by its change since the last one, given the time between them and
 the robot's limits, not by size alone. One that no body can produce is dropped and counted. If many of these in a row
 agree with each other, it is the last accepted sample that was wrong: the newest is taken, and the estimate is dropped.
@@ -18,11 +21,11 @@ from collections import deque
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Pose
-from rmr.base.time import NS_PER_S, Duration, Instant, milliseconds
+from rmr.base.geometry import Pose, wrap
+from rmr.base.time import NS_PER_S, Duration, Instant, milliseconds, seconds
 from rmr.node.motion.ekf import RANGE_SIGMA, TRACK_M, Ekf
 from rmr.node.motion.multilateration import Echo, hypotheses
-from rmr.node.ports import Sensed
+from rmr.node.ports import PoseFix, Sensed
 
 NOISE_SHARE: Final = 1.4
 """What the filter takes the noise of a range for, in multiples of what the service states."""
@@ -34,6 +37,18 @@ LOCATED_M: Final = 0.1
 """Standard deviation of a first position, at most; unless no more ranges are kept."""
 SETTLED_M: Final = 0.01
 """What a first position is doubted in addition: ranges that were heard in turns."""
+
+FIXES_AGREE: Final = 3
+"""Fixes in a row that must agree before the first position. A service that is itself mistaken jumps about."""
+FIX_SLACK_M: Final = 0.03
+"""What two fixes may differ beyond four standard deviations: odometry between them slips."""
+FIX_SLACK_RAD: Final = 0.1
+"""Likewise their headings."""
+FIX_AGE_MAX: Final[Duration] = seconds(1)
+"""Age of the last fix beyond which a robot does not drive on, if it has driven ..."""
+FIX_WAY_MAX: Final = 0.1
+"""... more than this since, metres of a wheel: services that correct a robot in motion alone are silent while it
+stands."""
 
 FASTEST: Final = 3.0
 """Bound of what a body does, in multiples of the robot's limits: others push it, wheels slip."""
@@ -68,6 +83,13 @@ class Localiser:
         """Ranges since the search began: beacon, metres, and where odometry had the robot then."""
         self._x = self._y = 0.0
         """Where odometry has the robot since the search began."""
+        self._candidate: PoseFix | None = None
+        """The last fix while the robot searches, carried on by odometry."""
+        self._agreed = 0
+        """Number of fixes in a row that agree."""
+        self._fixed_at: Instant = 0
+        """When the last fix came, and how far the wheels have gone since."""
+        self._unfixed_m = 0.0
         self._last: Sensed | None = None
         self._refused: Sensed | None = None
         """The newest sample, if it was refused."""
@@ -81,7 +103,7 @@ class Localiser:
         self.refused = 0
         """Number of samples that no body can produce."""
         self.dropped = 0
-        """Number of estimates that ranges have contradicted."""
+        """Number of estimates that ranges or fixes have contradicted, or that were given up for want of fixes."""
 
     @property
     def sigma_m(self) -> float:
@@ -107,7 +129,10 @@ class Localiser:
             dt = (sample.stamp - last.stamp) / NS_PER_S
             self.travelled_m += abs(left + right) / 2
         if self._ekf is None:
-            self._locate(sample, 0.5 * (left + right))
+            if sample.compass is None:
+                self._locate_by_fixes(sample, left, right)
+            else:
+                self._locate(sample, sample.compass, 0.5 * (left + right))
         else:
             self._track(self._ekf, sample, left, right, dt)
         return True
@@ -116,7 +141,7 @@ class Localiser:
 
     def _possible(self, now: Instant, sample: Sensed) -> bool:
         """Return whether a body on this floor can produce `sample` by itself."""
-        if sample.stamp > now + AHEAD_MAX or abs(sample.compass) > math.tau:
+        if sample.stamp > now + AHEAD_MAX or (sample.compass is not None and abs(sample.compass) > math.tau):
             return False
         if abs(sample.gyro) > FASTEST * self._arena.shape.turn + GYRO_NOISE:
             return False
@@ -150,11 +175,43 @@ class Localiser:
         self.pose = None
         self._heard.clear()
         self._x = self._y = 0.0
+        self._candidate = None
+        self._agreed = 0
 
-    def _locate(self, sample: Sensed, way_m: float) -> None:
+    def _locate_by_fixes(self, sample: Sensed, left: float, right: float) -> None:
+        """Take in a sample after the ways of the wheels, and look whether fixes agree with each other and with them."""
+        before = self._candidate
+        if before is not None:
+            turn = (right - left) / TRACK_M
+            middle = before.theta + 0.5 * turn
+            way = 0.5 * (left + right)
+            x = before.x + way * math.cos(middle)
+            y = before.y + way * math.sin(middle)
+            self._candidate = before = PoseFix(x, y, before.theta + turn, before.sigma_m, before.sigma_rad)
+        fix = sample.fix
+        if fix is None:
+            return
+        self._agreed = self._agreed + 1 if before is not None and _agree(before, fix) else 1
+        self._candidate = fix
+        if self._agreed < FIXES_AGREE:
+            return
+        self._ekf = ekf = Ekf(fix.x, fix.y, fix.theta)
+        doubted = fix.sigma_m * fix.sigma_m + SETTLED_M * SETTLED_M
+        ekf.doubt(doubted, 0.0, doubted)
+        self._set_out(ekf)
+        self._fixed_at = sample.stamp
+        self._unfixed_m = 0.0
+
+    def _set_out(self, ekf: Ekf) -> None:
+        """Begin to track from a first position."""
+        ekf.keep_within(self._arena)
+        self.located += 1
+        self.pose = ekf.pose
+
+    def _locate(self, sample: Sensed, compass: float, way_m: float) -> None:
         """Take in a sample after `way_m` metres, and look whether one position explains all ranges."""
-        self._x += way_m * math.cos(sample.compass)
-        self._y += way_m * math.sin(sample.compass)
+        self._x += way_m * math.cos(compass)
+        self._y += way_m * math.sin(compass)
         if not sample.ranges:
             return
         heard = self._heard
@@ -179,24 +236,43 @@ class Localiser:
             return
         if best.sigma_m > LOCATED_M and not full:
             return
-        self._ekf = ekf = Ekf(best.x, best.y, sample.compass, range_sigma=self._range_sigma)
+        self._ekf = ekf = Ekf(best.x, best.y, compass, range_sigma=self._range_sigma)
         settled = SETTLED_M * SETTLED_M
         ekf.doubt(best.pxx + settled, best.pxy, best.pyy + settled)
-        ekf.keep_within(self._arena)
         heard.clear()
-        self.located += 1
-        self.pose = ekf.pose
+        self._set_out(ekf)
 
     # -- tracking -------------------------------------------------------------------------------------------------
 
     def _track(self, ekf: Ekf, sample: Sensed, left: float, right: float, dt: float) -> None:
         ekf.predict(left, right, sample.gyro, dt)
-        ekf.compass(sample.compass)
+        if sample.compass is not None:
+            ekf.compass(sample.compass)
+        if sample.fix is not None:
+            ekf.fix(sample.fix)
         for beacon, metres in sample.ranges:
             ekf.range(self._arena.beacons[beacon], metres)
-        if ekf.contradicted:
+        if ekf.contradicted or (sample.compass is None and self._unheard(sample, left, right)):
             self.dropped += 1
             self._search()
             return
         ekf.keep_within(self._arena)
         self.pose = ekf.pose
+
+    def _unheard(self, sample: Sensed, left: float, right: float) -> bool:
+        """Return whether a robot that is localised by fixes has driven for too long without one."""
+        if sample.fix is not None:
+            self._fixed_at = sample.stamp
+            self._unfixed_m = 0.0
+            return False
+        self._unfixed_m += max(abs(left), abs(right))
+        return self._unfixed_m > FIX_WAY_MAX and sample.stamp - self._fixed_at > FIX_AGE_MAX
+
+
+def _agree(a: PoseFix, b: PoseFix) -> bool:
+    """Return whether two fixes may be of one pose."""
+    apart = math.hypot(a.x - b.x, a.y - b.y)
+    turned = abs(wrap(a.theta - b.theta))
+    return apart <= 4.0 * math.hypot(a.sigma_m, b.sigma_m) + FIX_SLACK_M and (
+        turned <= 4.0 * math.hypot(a.sigma_rad, b.sigma_rad) + FIX_SLACK_RAD
+    )

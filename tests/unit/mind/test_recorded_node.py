@@ -7,19 +7,21 @@ import pytest
 from mind_runs import LABS, MindRun, replayed
 
 from rmr.base.arena import NOWHERE
-from rmr.base.time import milliseconds, seconds
+from rmr.base.time import milliseconds, seconds, tick_start
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.program import ANY, Constant
 from rmr.coord.timing import ClaimTiming, Order, ScheduleTiming, Timing
 from rmr.lang.compiler import compile_source
+from rmr.mind import mind_format as form
 from rmr.mind.fact_values import pack, unpack
 from rmr.mind.mind_header import decode_header, encode_header
+from rmr.mind.mind_reader import read_batch
 from rmr.mind.mind_versions import differences, source_digest, versions
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.config import NodeConfig
 from rmr.node.executive import FRAME_BUDGET
-from rmr.node.ports import Ports
+from rmr.node.ports import Ports, PoseFix, Sensed
 from rmr.node.trace import TraceLevel
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.vm.engines import Engine
@@ -39,7 +41,7 @@ class Host:
 
     payload_max = 100
 
-    def __init__(self, source=SOURCE, **config):
+    def __init__(self, source=SOURCE, body=None, **config):
         self.spent_ns = 0
         self.offered = [(2, 1.0)]
         self.log = []
@@ -49,7 +51,7 @@ class Host:
         self.node = RecordedNode(
             NodeConfig(1, {1: None, 2: None, 3: None}, NOWHERE, 5, **config),
             self.program,
-            Ports(self, None, lambda: self.spent_ns, lambda: self.offered),
+            Ports(self, body, lambda: self.spent_ns, lambda: self.offered),
             {},
             7,
             lambda _at, _robot, _epoch, data: self.log.append(data),
@@ -90,6 +92,36 @@ def test_processor_time_used_up_midway_is_replayed_at_the_same_task():
     assert sum(map(bool, skipped)) >= 3
     twin = host.replay().node
     assert [task.skipped for task in twin.executive.tasks] == skipped
+
+
+class FixedBody:
+    """A body without a compass whose samples come with fixes now and then."""
+
+    def __init__(self):
+        self.samples = []
+        self.sensed = []
+
+    def sense(self):
+        samples, self.samples = self.samples, []
+        self.sensed += samples
+        return samples
+
+    def act(self, twist, stamp):
+        """Nothing drives."""
+
+
+def test_fixes_and_the_want_of_a_compass_are_logged_and_the_replay_is_located_as_the_robot_was():
+    body = FixedBody()
+    host = Host("start(R).", body)
+    host.node.start(0)
+    for tick in range(1, 40):
+        fix = PoseFix(0.5, 0.25, -1.0, 0.02, 0.05) if tick % 9 == 0 else None
+        body.samples = [Sensed(tick_start(tick), 0.1, 0.2, 0.0, None, (), (), tick % 2 == 0, (0.0, 0.0, 0.0), fix)]
+        host.node.tick(tick_start(tick))
+    replay = host.replay()
+    assert replay.node.driver.localiser.pose == host.node.driver.localiser.pose is not None
+    operations = [op for data in host.log for call in read_batch(data).calls for op in call.operations]
+    assert [one for op in operations if op.kind == form.SENSED for one in op.value] == body.sensed
 
 
 def test_neighbors_that_the_host_offers_are_logged_when_they_change():

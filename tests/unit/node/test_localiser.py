@@ -10,7 +10,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point
 from rmr.base.time import seconds, tick_start
 from rmr.node.motion.localiser import REFUSED_MAX, Localiser
-from rmr.node.ports import Sensed
+from rmr.node.ports import PoseFix, Sensed
 from rmr_world.lab_file import load_lab
 from rmr_world.physics import World
 
@@ -153,3 +153,104 @@ def test_forged_samples_of_any_size_end_no_robot_and_it_locates_itself_afterward
         assert still.localiser.sigma_m >= 0.0
     still.feed(*[0, 1, 2, 3] * 10)
     assert still.off_m < 0.03
+
+
+# -- localised from outside
+
+
+class Fixed:
+    """A robot without a compass that drives a circle of 0.5 m at 0.2 m/s, and gets a fix at every twelfth tick."""
+
+    RADIUS_M = 0.5
+    NOISE_M = 0.02
+
+    def __init__(self):
+        self.localiser = Localiser(Arena(2.0, 2.0, 0.05))
+        self.rng = Random("fixed")
+        self.tick = 0
+        self.turned = 0.0
+        self.ways = [0.0, 0.0]
+        self.carried = (0.0, 0.0)
+
+    @property
+    def true(self):
+        angle = self.turned - math.pi / 2
+        x = 1.0 + self.carried[0] + self.RADIUS_M * math.cos(angle)
+        return x, 1.0 + self.carried[1] + self.RADIUS_M * math.sin(angle), math.remainder(self.turned, math.tau)
+
+    def drive(self, ticks, speed=0.2, every=12, off=(0.0, 0.0, 0.0)):
+        """Drive; `off` is what is wrong with each fix. Return the poses."""
+        poses = []
+        for _ in range(ticks):
+            self.tick += 1
+            rate = speed / self.RADIUS_M
+            self.turned += rate / 60
+            self.ways = [self.ways[0] + (speed - 0.05 * rate) / 60, self.ways[1] + (speed + 0.05 * rate) / 60]
+            fix = None
+            if every and self.tick % every == 0:
+                noise = [self.rng.gauss(0.0, sigma) for sigma in (self.NOISE_M, self.NOISE_M, 0.05)]
+                values = [true + n + o for true, n, o in zip(self.true, noise, off, strict=True)]
+                fix = PoseFix(*values, self.NOISE_M, 0.05)
+            now = tick_start(self.tick)
+            sample = Sensed(now, *self.ways, rate, None, (), (), False, (0.0, 0.0, 0.0), fix)
+            assert self.localiser.feed(now, sample)
+            poses.append(self.localiser.pose)
+        return poses
+
+    @property
+    def off_m(self):
+        return math.dist(self.localiser.pose[:2], self.true[:2])
+
+
+def test_three_fixes_that_agree_locate_a_robot_and_filtered_they_are_better_than_each():
+    robot = Fixed()
+    poses = robot.drive(12 * 3)
+    assert [pose is None for pose in poses] == [True] * 35 + [False]
+    robot.drive(300)
+    off = []
+    for _ in range(50):
+        robot.drive(12)
+        off.append(robot.off_m)
+    assert sum(off) / len(off) < 0.012  # the mean of two normal errors of 2 cm is 2.5 cm
+    assert abs(math.remainder(robot.localiser.pose[2] - robot.true[2], math.tau)) < 0.05
+    assert robot.localiser.sigma_m < 0.015
+    assert (robot.localiser.located, robot.localiser.dropped) == (1, 0)
+
+
+def test_a_robot_that_drives_without_fixes_loses_its_pose_after_a_second_and_gets_it_back():
+    robot = Fixed()
+    robot.drive(120)
+    poses = robot.drive(90, every=0)
+    lost = poses.index(None)
+    assert 48 <= lost <= 61
+    assert poses[lost:] == [None] * (90 - lost)
+    assert robot.localiser.dropped == 1
+    assert robot.drive(12 * 4)[-1] is not None
+    assert robot.off_m < 0.06
+
+
+def test_a_robot_that_stands_keeps_its_pose_without_fixes():
+    robot = Fixed()
+    robot.drive(120)
+    assert None not in robot.drive(600, speed=0.0, every=0)
+
+
+def test_one_wild_fix_moves_nothing_and_a_robot_that_was_carried_stands_until_it_is_located_there():
+    robot = Fixed()
+    robot.drive(120)
+    robot.drive(12, off=(0.8, -0.5, 2.0))
+    robot.drive(12)
+    assert robot.off_m < 0.04
+    assert robot.localiser.dropped == 0
+    robot.carried = (0.3, -0.3)
+    poses = robot.drive(12 * 6, speed=0.0)
+    assert robot.localiser.dropped == 1
+    assert poses.index(None) < 12 * 2 + 1
+    assert poses[-1] is not None
+    assert robot.off_m < 0.06
+
+
+def test_fixes_that_jump_about_locate_nobody():
+    robot = Fixed()
+    for k in range(20):
+        assert robot.drive(12, off=(0.3 * (-1) ** k, 0.0, 0.0))[-1] is None
