@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # What needs nothing but the sources, then what needs processes, sockets or a clock; of these a failed test runs once more.
 PARTS := RMR_COMPILED= $(BIN)/python tests/run_parts.py
 
-.PHONY: help demo test test-fast test-slow test-all fast wheel lint bench score score-ci paper validate-radio lock clean install
+.PHONY: help demo test test-fast test-slow test-all fast wheel lint bench score score-ci paper ros2 validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -79,6 +79,10 @@ $(VENV)/.paper: $(STAMP) requirements-paper.lock
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-paper.lock
 	@touch $@
 
+# Without dependencies: rosidl_parser asks for lark-parser, the old name of lark, whose files are those of lark.
+ros2: $(STAMP) requirements-ros2.lock ## rclpy and MuJoCo, from wheels: docs/ros2.md
+	$(BIN)/python -m pip install --progress-bar off --no-deps --require-hashes -r requirements-ros2.lock
+
 validate-radio: $(STAMP) ## the radio against ns-3, row by row: docs/radio-validation.md
 	$(BIN)/python tests/validation/validate.py --seeds 10 --write docs/radio
 
@@ -87,6 +91,9 @@ lock: $(STAMP) ## pin every dependency with hashes, without addresses
 		--extra cluster --extra dev --extra editor --extra plot --output-file requirements.lock pyproject.toml build-requirements.in
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
 		--extra paper --constraint requirements.lock --output-file requirements-paper.lock pyproject.toml
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
+		--extra ros2 --extra mujoco --no-emit-package lark-parser --constraint requirements.lock \
+		--output-file requirements-ros2.lock pyproject.toml
 
 clean: ## remove what builds and runs leave behind
 	rm -rf $(VENV) build dist runs .mypy_cache .ruff_cache .pytest_cache .hypothesis

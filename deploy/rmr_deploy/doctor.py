@@ -43,6 +43,8 @@ EXTRAS: Final[Mapping[str, str]] = {
     "cluster": "rmr sim --on: sweeps on a Dask cluster",
     "editor": "rmr lsp",
     "plot": "rmr plot NAME",
+    "ros2": "labs with bodies in ROS 2",
+    "mujoco": "the robots of docs/examples/ros2",
     "dev": "make test and make lint",
     "bench": "make bench: the rivals",
     "paper": "make paper",
@@ -109,6 +111,8 @@ def _libraries() -> Iterator[MachineCheck]:
         yield _check(
             "libraries", True, f"all {count}; eclipse-zenoh {metadata.version('eclipse-zenoh')}", "all commands", ""
         )
+    if find_spec("rclpy") is not None:  # of a ROS 2 installation, which pip knows nothing of
+        wrong.pop("ros2", None)
     clone = (CLONE / "pyproject.toml").is_file()
     for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:3]:
         mend = f"pip install {'-e ' if clone else ''}'{'.' if clone else DISTRIBUTION}[{extra}]'"

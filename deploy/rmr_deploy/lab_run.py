@@ -179,6 +179,7 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
     world = monitor.world.report if monitor and monitor.world else {}
     told["bus"]["excess"] = _excess([*buses, world.get("bus", {})])
     told["bus"]["late_commands"] = [list(each) for each in world.get("late_commands", ())]
+    told["ros2"] = world.get("ros2", {})
     added = world.get("faults", ())
     disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
     for entry in outcome.faults:

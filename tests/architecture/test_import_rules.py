@@ -79,7 +79,9 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.record",
         "rmr.bus",
         "rmr.entry",
+        "rmr_ros",
     },
+    "rmr_ros": {"rmr.base", "rmr.node"},
     "rmr_sim": {
         "rmr.entry",
         "rmr.load",
@@ -141,6 +143,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.record": {"msgpack", "zstandard"},
     "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
+    "rmr_ros": {"geometry_msgs", "nav_msgs", "rclpy"},
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich"},
     "rmr_editor": {"lsprotocol", "pygls", "pygments"},

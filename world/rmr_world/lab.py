@@ -21,6 +21,7 @@ from rmr_world.provided_labs import LAB_FILE
 from rmr_world.quorum import ALL, Quorum
 from rmr_world.random_facts import LabFact, StatedFact, drawn
 
+_NO_OFFSET = Pose(0.0, 0.0, 0.0)
 PROGRAM_SUFFIXES = frozenset({".rmr", ".rbc"})
 """Suffixes of program files: source and byte-code."""
 KEYED = "enc-mic-64"
@@ -57,6 +58,22 @@ class Localisation:
     """Standard deviation of a range, metres."""
     dropout: float = 0.0
     """Share of the pulses that a robot misses."""
+
+
+@record
+class Ros2Body:
+    """The body of a robot that is one of ROS 2."""
+
+    robot: int
+    odom: str
+    """Names of its topics, from the root."""
+    cmd_vel: str
+    pose: str
+    sigma_m: float = 0.03
+    """Standard deviation of a pose that has no covariance, metres and radians."""
+    sigma_rad: float = 0.0524
+    origin: Pose = _NO_OFFSET
+    """Pose of the floor's lower left corner in the frame of the poses."""
 
 
 @record
@@ -135,6 +152,8 @@ class Lab:
     facts: tuple[str, ...] = ()
     radio: RadioSettings = RadioSettings()
     localisation: Localisation = field(default_factory=Localisation)
+    bodies: tuple[Ros2Body, ...] = ()
+    """The bodies that are not simulated; `rmr sim` simulates them, too."""
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""
@@ -216,6 +235,7 @@ class Lab:
         facts = tuple(self.facts[i] for i in kept)
         items = self.fact_items or range(len(self.facts))
         fact_items = tuple(items[i] for i in kept)
+        bodies = tuple(body for body in self.bodies if body.robot in ids)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)
         loads = tuple(
             replace(load, robots=tuple(robot for robot in load.robots if robot in ids))
@@ -228,6 +248,7 @@ class Lab:
             robots=robots,
             facts=facts,
             fact_items=fact_items,
+            bodies=bodies,
             faults=faults,
             disturbances=disturbances,
             loads=loads,

@@ -79,6 +79,7 @@ class World:
         self._in_view_m = shape.view_depth + shape.radius
         self._alone_m = shape.radius + FASTEST * shape.speed * TICK_S
         """Distance from a wall beyond which a centre cannot reach it in this tick; for two robots, twice that."""
+        self._carried = False  # whether there are bodies that are not simulated
         self._asked = SETTLED_TICKS
         """Ticks for which the engine still runs."""
         self.touching = 0
@@ -150,6 +151,17 @@ class World:
         state.decided = min(stamp, now)
         self._awake[robot] = state
 
+    def carry(self, robot: int, pose: Pose, twist: Twist, distance_m: float) -> None:
+        """Put a body that is not simulated where it is now, after a path of `distance_m`; others may touch it."""
+        state = self._robots[robot]
+        state.put(pose.x, pose.y, pose.theta, distance_m)
+        state.v = twist.v
+        state.w = state.goes_w = twist.w
+        state.vx = state.goes_vx = twist.v * state.cos
+        state.vy = state.goes_vy = twist.v * state.sin
+        state.rolled = True  # the engine takes its place from here
+        self._carried = True
+
     def silence(self, robot: int, until: Instant) -> None:
         """Let `robot` receive no localisation pulse until `until`; a longer outage under way is not shortened."""
         sensors = self._robots[robot].sensors
@@ -174,6 +186,8 @@ class World:
             else:
                 del self._awake[robot.id]
         if not active:
+            if self._carried:
+                self._pairs()
             return
         if self._near_something():
             self._asked = SETTLED_TICKS
@@ -338,7 +352,7 @@ class World:
             sensors.gyro(state.w),
             sensors.compass(theta),
             sensors.ranges(now, state.x, state.y),
-            self._bodies(state) if state.near else (),
+            self.in_view(robot) if state.near else (),
             state.contacts > 0,
             (state.x, state.y, theta),
         )
@@ -352,8 +366,9 @@ class World:
                 return self._engine.hides((robot.x, robot.y), (other.x, other.y))
         return False
 
-    def _bodies(self, robot: RobotBody) -> tuple[SeenBody, ...]:
+    def in_view(self, robot_id: int) -> tuple[SeenBody, ...]:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
+        robot = self._robots[robot_id]
         seen = []
         cos = robot.cos
         sin = robot.sin

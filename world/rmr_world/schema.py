@@ -21,6 +21,8 @@ from rmr_world.units import PASSAGES_MAX, ROBOTS_MAX, angle, duration, ids, ids_
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
+NAMESPACE = r"^(/|(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)+)$"
+TOPIC = r"^/?([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)*$"
 ARENA_M_MAX = 1000.0
 RADIUS_M_MIN = 0.001
 """Least radius of a hull, metres. The moment of inertia of a hull of some nanometres is rounded to zero."""
@@ -80,6 +82,7 @@ IdsOrAll = Annotated[
 PYTHON_FILE = r"^.+\.py$"
 PythonFile = Annotated[str, Field(pattern=PYTHON_FILE)]
 Link = tuple[RobotId, RobotId]
+Topic = Annotated[str, Field(pattern=TOPIC)]
 Flag = Annotated[bool, Strict()]
 Groups = Annotated[list[Ids], Field(min_length=2, max_length=GROUPS_MAX)]
 Attenuation = Annotated[float, Strict(), Field(ge=0, le=ATTENUATION_DB_MAX)]
@@ -341,6 +344,67 @@ class LocalisationSpec(_Strict):
     dropout: Fraction = 0.0
 
 
+class Ros2Spec(_Strict):
+    """A body that is a robot of ROS 2: where its topics are, and what its localisation is worth.
+
+    `{id}` in a name stands for the robot's id. A name with a leading / is that of the topic, any other one is within
+    the namespace.
+    """
+
+    namespace: Annotated[str, Field(pattern=NAMESPACE)] = Field(description="Of the robot's topics: /tb3_{id}.")
+    odom: Topic = Field("odom", description="nav_msgs/Odometry.")
+    cmd_vel: Topic = Field("cmd_vel", description="Twist or TwistStamped, as its subscriber has it.")
+    pose: Topic = Field("amcl_pose", description="PoseWithCovarianceStamped or PoseStamped.")
+    sigma: Annotated[float, Strict(), Field(gt=0, le=10)] = Field(
+        0.03, description="Standard deviation of the position, metres, where a pose has no covariance."
+    )
+    heading_sigma: Annotated[Angle, Field(gt=0, le=math.pi)] = Field(math.radians(3), description="Of the heading.")
+    origin: tuple[Number, Number, Angle] = Field(
+        (0.0, 0.0, 0.0), description="Where the floor's lower left corner is in the frame of the poses, and its turn."
+    )
+
+
+class BodySpec(_Strict):
+    """What the bodies of some robots are, or of all."""
+
+    robots: IdsOrAll = Field([], description="By default all.")
+    ros2: Ros2Spec
+
+
+def bodies_value(value: object) -> object:
+    """Return the bodies that are not simulated, where the file has the word for all."""
+    if value == "simulated":
+        return []
+    if not isinstance(value, list):
+        raise ValueError("should be simulated, or a list: [{robots: 4-6, ros2: {namespace: '/robot_{id}'}}]")
+    return value
+
+
+BODIES_SCHEMA: Final = {
+    "anyOf": [
+        {"const": "simulated"},
+        {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {
+                    "robots": {
+                        "anyOf": [
+                            {"type": "integer"},
+                            {"type": "string"},
+                            {"type": "array", "items": {"type": "integer"}},
+                        ]
+                    },
+                    "ros2": Ros2Spec.model_json_schema(),
+                },
+                "required": ["ros2"],
+                "additionalProperties": False,
+            },
+        },
+    ]
+}
+
+
 class FaultSpec(_Strict):
     """What goes wrong: a robot is killed or restarted at an instant, or something holds over a span of time.
 
@@ -453,6 +517,7 @@ class LabFile(_Strict):
     radio: RadioSpec = RadioSpec()
     bus: BusSpec = BusSpec()
     localisation: LocalisationSpec = LocalisationSpec()
+    bodies: Annotated[list[BodySpec], BeforeValidator(bodies_value), WithJsonSchema(BODIES_SCHEMA)] = []
     faults: list[FaultSpec] = []
     loads: list[LoadSpec] = []
 

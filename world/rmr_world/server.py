@@ -11,7 +11,7 @@ token exists. Tokens that vanish while the world itself has lost its router are 
 import asyncio
 import logging
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
@@ -23,6 +23,7 @@ from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
+from rmr_world.all_bodies import AllBodies
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.incarnation_claims import IncarnationClaims
@@ -31,6 +32,9 @@ from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
 from rmr_world.world_messages import WorldRecorder, map_of, sense_of, truth_of
 from rmr_world.world_state import SAVE_EVERY, WorldFolder
+
+if TYPE_CHECKING:
+    from rmr_ros.ros_bridge import RosBridge
 
 START_DELAY = milliseconds(100)
 """Delay from the decision to start to lab time 0, within which the start reaches all robots."""
@@ -75,8 +79,9 @@ class WorldServer:
         when_ready: bool,
         recorder: ProcessRecorder | None = None,
         folder: WorldFolder | None = None,
+        bridge: "RosBridge | None" = None,
     ) -> None:
-        """With a `folder` the world is durable, and goes on from what that holds."""
+        """With a `folder` the world is durable, and goes on from what that holds. `bridge`: bodies from outside."""
         self._lab = lab
         self._seed = seed
         self._bus = bus
@@ -94,6 +99,7 @@ class WorldServer:
         self._vanished: set[int] = set()
         """Robots whose token has vanished and that are not given up yet."""
         self._incarnations = IncarnationClaims()
+        self._bodies = AllBodies(self._physics, bridge)
         self._ready: set[int] = set()
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
@@ -239,7 +245,7 @@ class WorldServer:
             self._commanded[message.sender] = twist = Twist(body.v, body.w)
             now = self._time.at(time.monotonic_ns())
             self._late_commands.note(message.sender, body.stamp, now)
-            self._physics.act(message.sender, twist, body.stamp, now)
+            self._bodies.act(message.sender, twist, body.stamp, now)
 
     def _on_status(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
@@ -294,6 +300,7 @@ class WorldServer:
         if self._time.stands:
             await self._until_back()
         while self._time.state != "running":
+            self._bodies.carry(0)
             for robot in sorted(self._alive):
                 self._publish_sense(robot)
             await asyncio.sleep(STATUS_S / 3)
@@ -316,6 +323,7 @@ class WorldServer:
         self._late += min(ticks, behind - 1)
         for _ in range(ticks):
             self._tick += 1
+            self._bodies.carry(tick_start(self._tick))
             self._physics.step(tick_start(self._tick))
         for robot in sorted(self._alive):
             if self._due(robot, ticks):
@@ -361,7 +369,8 @@ class WorldServer:
 
     def _publish_sense(self, robot: int) -> None:
         self._seen[robot] = self._physics.pose(robot)
-        self._bus.publish(self._keys.sense(robot), sense_of(self._physics.sense(robot, tick_start(self._tick))))
+        if (sample := self._bodies.sense(robot, tick_start(self._tick))) is not None:
+            self._bus.publish(self._keys.sense(robot), sense_of(sample))
 
     def _publish_truth(self, *, final: bool) -> None:
         truth = truth_of(self._physics, self._lab.roster, tick_start(self._tick), self._late, final=final)
@@ -387,6 +396,7 @@ class WorldServer:
 
     def _report(self) -> dict[str, Any]:
         return {
+            "ros2": self._bodies.report(),
             "alive": sorted(self._alive),
             "ready": sorted(self._ready),
             "contacts": [list(contact) for contact in self._physics.contacts[:100]],

@@ -10,7 +10,9 @@ import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from rmr.base.ids import spelled
 from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.certificates import CertificateError, Credentials, check_keys, secret_file
@@ -42,6 +44,12 @@ from rmr_world.world_state import WorldFolder, WorldStateError
 
 ASK_S = 1.0
 """How long another world of the same lab may take to show itself."""
+
+NO_RCLPY = "install rclpy by pip install 'rmr-robots[ros2]', or source the setup file of a ROS 2 installation before"
+"""What to do where it is missing."""
+
+if TYPE_CHECKING:
+    from rmr_ros.ros_bridge import RosBridge
 
 log = logging.getLogger("rmr")
 
@@ -93,13 +101,39 @@ async def _open(options: argparse.Namespace, secret: Credentials | None, ending:
     return opening.result() if await ending.unless_asked(opening) else None
 
 
+async def _bridge(lab: Lab, ending: Ending) -> "RosBridge | None":
+    """Return the bodies of the lab that are robots of ROS 2, once they are there; None where the end came before."""
+    if not lab.bodies:
+        return None
+    try:
+        from rmr_ros.ros_bridge import BridgeError, RosBridge  # noqa: PLC0415 - rclpy, for labs that ask for it
+    except ImportError as error:
+        robots = spelled([body.robot for body in lab.bodies])
+        ending.ask(f"robots {robots} have bodies in ROS 2: {NO_RCLPY} ({error})", ExitCode.FAILED)
+        return None
+    bridge = RosBridge(lab.name, lab.bodies, lab.arena, {robot.id: robot.pose for robot in lab.robots})
+    waiting = asyncio.ensure_future(bridge.ready())
+    try:
+        log.info("waiting for the robots of ROS 2")
+        if await ending.unless_asked(waiting):
+            waiting.result()
+            return bridge
+    except BridgeError as error:
+        ending.ask(str(error), ExitCode.FAILED)
+    bridge.close()
+    return None
+
+
 async def _live(
     options: argparse.Namespace, lab: Lab, secret: Credentials | None, folder: WorldFolder | None, ending: Ending
 ) -> None:
     handle_signals(ending)
     hold_lifeline()
-    bus = await _open(options, secret, ending)
+    bridge = await _bridge(lab, ending)
+    bus = None if ending.asked else await _open(options, secret, ending)
     if bus is None:
+        if bridge is not None:
+            bridge.close()
         return
     log.info("lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen)
     warn_if_open(options.listen, opened=options.open)
@@ -110,9 +144,13 @@ async def _live(
         if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
             raise BusError(f"lab {lab.name} has a world at {options.connect} already: end it, or rename this one")
         when_ready = options.when_ready
-        server = WorldServer(lab, lab.seed, bus, ending, when_ready=when_ready, recorder=recorder, folder=folder)
+        server = WorldServer(
+            lab, lab.seed, bus, ending, when_ready=when_ready, recorder=recorder, folder=folder, bridge=bridge
+        )
         await server.run()
     finally:
+        if bridge is not None:
+            bridge.close()
         for task in tasks:
             task.cancel()
         if recorder is not None:

@@ -80,7 +80,7 @@ def test_a_wheel_is_asked_for_the_extras_of_users_alone(installed, monkeypatch, 
     installed |= {"pygls": None, "pytest": None}
     found = by_name()
     assert found["editor"].mend == "pip install 'rmr-robots[editor]'"
-    assert {"cluster", "editor", "plot"} == found.keys() & EXTRAS.keys()
+    assert {"cluster", "editor", "plot", "ros2"} == found.keys() & EXTRAS.keys()
 
 
 def test_a_tree_that_is_not_installed_says_so(monkeypatch):

@@ -42,6 +42,28 @@ MISTAKES = [
     ("radio: {seed: x}", "6:15: radio.seed: should be a valid integer"),
     ("localisation: {beacons: [[0, 0], [9, 0]]}", "6:34: localisation.beacons.1: is out of the arena, 3 m x 1.5 m"),
     ("localisation: {rate: 0}", "6:22: localisation.rate: should be greater than 0"),
+    ("bodies: real", "6:9: bodies: should be simulated, or a list: [{robots: 4-6, ros2: {namespace: '/robot_{id}'}}]"),
+    ("bodies: [{robots: 1}]", "6:10: bodies.0.ros2: is missing"),
+    ("bodies: [{robots: 1, ros2: {}}]", "6:28: bodies.0.ros2.namespace: is missing"),
+    (
+        "bodies: [{ros2: {namespace: tb3_4}}]",
+        "6:29: bodies.0.ros2.namespace: should be a namespace of ROS 2 such as /robot_{id}: a / before each name of "
+        "letters, digits and _, not 'tb3_4'",
+    ),
+    ("bodies: [{ros2: {namespace: /a-b}}]", "6:29: bodies.0.ros2.namespace: should be a namespace of ROS 2"),
+    ("bodies: [{ros2: {namespace: /a/}}]", "6:29: bodies.0.ros2.namespace: should be a namespace of ROS 2"),
+    (
+        "bodies: [{ros2: {namespace: /a, odom: 4x}}]",
+        "6:39: bodies.0.ros2.odom: should be a topic of ROS 2",
+    ),
+    ("bodies: [{ros2: {namespace: /a, odm: x}}]", "6:33: bodies.0.ros2.odm: unknown key; did you mean 'odom'?"),
+    ("bodies: [{ros2: {namespace: /a, sigma: 0}}]", "6:40: bodies.0.ros2.sigma: should be greater than 0"),
+    ("bodies: [{ros2: {namespace: /a, pose: odom}}]", "6:10: bodies.0: robot 1 has the topic /a/odom twice"),
+    ("bodies: [{robots: 4, ros2: {namespace: /a}}]", "6:19: bodies.0.robots: robot 4 is not in this lab"),
+    (
+        "bodies: [{ros2: {namespace: /a}}, {robots: 1, ros2: {namespace: /b}}]",
+        "6:35: bodies.1: robot 1 has a body already",
+    ),
     ("obstacles: [{box: [1, 1, 0, 2]}]", "6:13: obstacles.0: box should be [x0, y0, x1, y1] with x0 < x1"),
     ("obstacles: [{box: [0, 0, 1]}]", "6:19: obstacles.0.box.3: is missing"),
     ("obstacles: [{}]", "6:13: obstacles.0: should have exactly one of box, circle, polygon"),
@@ -125,6 +147,24 @@ MISTAKES = [
 def test_a_mistake_is_named_with_its_line_column_and_path(tmp_path, line, complaint):
     found = complaints(tmp_path, ROOM + line + "\n")
     assert [text[: len(complaint)] for text in found] == [complaint]
+
+
+def test_two_robots_with_the_same_topics_are_told_to_have_their_id_in_the_namespace(tmp_path):
+    (found,) = complaints(tmp_path, TWO + "bodies: [{ros2: {namespace: /tb3}}]\n")
+    assert found.endswith("robots 1 and 2 have the same topic /tb3/odom: put {id} into the namespace")
+
+
+def test_bodies_in_ros_2_have_the_topics_of_their_robot(tmp_path):
+    entry = "bodies: [{robots: 2, ros2: {namespace: '/tb3_{id}', pose: '/mocap/r{id}', origin: [1, -2, 90deg]}}]\n"
+    lab = lab_of(tmp_path, TWO + entry)
+    assert [(body.robot, body.odom, body.cmd_vel, body.pose) for body in lab.bodies] == [
+        (2, "/tb3_2/odom", "/tb3_2/cmd_vel", "/mocap/r2")
+    ]
+    assert tuple(lab.bodies[0].origin) == pytest.approx((1.0, -2.0, 1.5708), abs=1e-4)
+    assert lab.with_robots(1).bodies == lab.bodies  # robot 2 is the first in the file
+    assert lab_of(tmp_path, TWO + "bodies: simulated\n").bodies == ()
+    at_root = lab_of(tmp_path, ROOM + "bodies: [{ros2: {namespace: /}}]\n")
+    assert at_root.bodies[0].odom == "/odom"
 
 
 ROBOT_MISTAKES = [

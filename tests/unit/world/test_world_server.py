@@ -1,14 +1,18 @@
 """The world server's bookkeeping, with a bus that keeps what it is given."""
 
 import asyncio
+import math
+from types import SimpleNamespace
 
 import pytest
 from world_labs import LABS
 
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NS_PER_S, seconds, tick_start
 from rmr.bus import wire
 from rmr.bus.losses import Losses
 from rmr.bus.process import Ending
+from rmr.node.ports import PoseFix, SeenBody, Sensed
 from rmr.radio.links import Disturbance, partition
 from rmr_world import server
 from rmr_world.incarnation_claims import CLOCKS_APART
@@ -156,3 +160,67 @@ def test_ready_messages_of_unknown_robots_are_not_counted():
     for sender in (*range(10_000, 10_100), *world._lab.roster[1:]):
         world._on_status("k", wire.Envelope(sender, 1, 1, ready))
     assert world._report()["ready"] == list(world._lab.roster[1:])
+
+
+# -- bodies from outside
+
+
+class Bridge:
+    """A bridge with the body of robot 2, without ROS."""
+
+    robots = (2,)
+
+    def __init__(self) -> None:
+        self.at = Pose(1.0, 0.9, 0.0)
+        self.acts: list[tuple[object, ...]] = []
+        self.silent = False
+        self.seen: tuple[SeenBody, ...] = ()
+
+    def step(self, now: int) -> None:
+        self.now = now
+
+    def body(self, robot: int) -> object:
+        return SimpleNamespace(pose=self.at, twist=Twist(0.1, 0.0), travelled_m=0.5)
+
+    def sense(self, robot: int, now: int, bodies: tuple[SeenBody, ...]) -> Sensed | None:
+        self.seen = bodies
+        fix = PoseFix(*self.at, 0.02, 0.03)
+        return None if self.silent else Sensed(now, 0.1, 0.2, 0.0, None, (), bodies, False, tuple(self.at), fix)
+
+    def act(self, *command: object) -> None:
+        self.acts.append(command)
+
+    def report(self) -> dict[str, object]:
+        return {"2": {"odometry": 7}}
+
+
+def test_a_body_from_outside_is_commanded_and_sensed_by_the_bridge_and_seen_by_the_simulated(monkeypatch):
+    monkeypatch.setattr(server.time, "monotonic_ns", lambda: tick_start(30))
+    bridge = Bridge()
+    bus = StubBus()
+    world = WorldServer(load_lab(LABS / "testbed" / "lab.yaml"), 1, bus, Ending(), when_ready=False, bridge=bridge)
+    world._time.start(0, 0)
+    world._alive |= {1, 2}
+    for robot in (1, 2):
+        world._on_act("", wire.Envelope(robot, 1, 1, wire.Act(0.1, 0.0, tick_start(30))))
+    assert bridge.acts == [(2, Twist(0.1, 0.0), tick_start(30), tick_start(30))]
+    x, y, theta = world._physics.pose(1)
+    bridge.at = Pose(
+        x + 0.3 * math.cos(theta), y + 0.3 * math.sin(theta), theta + math.pi
+    )  # before robot 1, face to face
+    for _ in range(3):
+        world._catch_up()
+    assert bridge.now == tick_start(30)
+    sensed = {key: body for key, body in bus.published if isinstance(body, wire.Sense)}
+    of_1, of_2 = (sensed[world._keys.sense(robot)] for robot in (1, 2))
+    assert math.dist(of_1.bodies[0][:2], (0.3, 0.0)) < 0.05
+    assert of_1.bodies[0][2] == pytest.approx(-0.1, abs=0.03)
+    assert of_1.fix is None
+    assert len(of_2.bodies) == 1
+    assert (of_2.compass, of_2.fix) == (None, (*bridge.at, 0.02, 0.03))
+    assert {robot: at for robot, *at in bus.published[-1][1].robots}[2][3] == 0.5
+    assert world._report()["ros2"] == {"2": {"odometry": 7}}
+    bridge.silent = True
+    bus.published.clear()
+    world._publish_sense(2)
+    assert bus.published == []

@@ -21,11 +21,11 @@ from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
 from rmr_world.found_passages import found_passages
-from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart
+from rmr_world.lab import KEYED, Fault, Lab, Localisation, ProgramLoad, RadioSettings, RobotStart, Ros2Body
 from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
 from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import StatedFact
-from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec
+from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec, Ros2Spec
 from rmr_world.validate.fault_specs import permanent_faults, timed_faults
 from rmr_world.validate.schema_conformance import SchemaResult
 
@@ -62,6 +62,8 @@ class LabDraft:
         self.facts = self._facts()
         """Facts by their index in the file."""
         self.finish = None if not self.spec.finish else self._finish(self.spec.finish)
+        self.bodies = self._bodies()
+        """Bodies that are not simulated, each with the index of its entry in the file."""
         self.faults = self._faults()
         """Faults of robots and disturbances of the radio, each with the path of the robots that it names."""
 
@@ -94,6 +96,7 @@ class LabDraft:
             facts=tuple(spec.facts),
             radio=_radio_settings(spec.radio),
             localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
+            bodies=tuple(body for _, body in self.bodies),
             faults=tuple(fault for fault in faults if not isinstance(fault, Disturbance)),
             disturbances=tuple(fault for fault in faults if isinstance(fault, Disturbance)),
             loads=tuple(ProgramLoad(load.at, folder / load.program, tuple(load.robots or ())) for load in spec.loads),
@@ -260,6 +263,15 @@ class LabDraft:
             self.errors.append(self.error(("finish",), str(error)))
             return None
 
+    def _bodies(self) -> list[tuple[int, Ros2Body]]:
+        """Return the bodies in ROS 2; an entry without robots means all of the lab."""
+        roster = sorted(self.ids)
+        return [
+            (i, _ros2_body(entry.ros2, robot))
+            for i, entry in self._result.items("bodies")
+            for robot in entry.robots or roster
+        ]
+
     def _faults(self) -> list[tuple[FilePath, Fault | Disturbance]]:
         roster = sorted(self.ids)
         built: list[tuple[FilePath, Fault | Disturbance]] = [*permanent_faults(self.spec.radio)]
@@ -281,6 +293,15 @@ def _radio_settings(spec: RadioSpec) -> RadioSettings:
         values["bursts"] = Bursts(**values["bursts"])
     security = spec.security or (UNSECURED if spec.key_file is None else KEYED)
     return RadioSettings(RadioConfig(**values), spec.seed, security)
+
+
+def _ros2_body(spec: Ros2Spec, robot: int) -> Ros2Body:
+    namespace = spec.namespace.rstrip("/")
+    odom, cmd_vel, pose = (
+        (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot))
+        for name in (spec.odom, spec.cmd_vel, spec.pose)
+    )
+    return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, Pose(*spec.origin))
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

@@ -92,6 +92,28 @@ def fault_robots_known(draft: LabDraft) -> Iterator[Finding]:
                 yield draft.error(path, f"robot {robot} is named twice")
 
 
+def bodies_fit(draft: LabDraft) -> Iterator[Finding]:
+    """Each robot has one body, and no two have the same topics."""
+    seen: set[int] = set()
+    owners: dict[str, int] = {}
+    for i, body in draft.bodies:
+        if draft.robot_is_unknown(body.robot):
+            yield draft.error(("bodies", i, "robots"), f"robot {body.robot} is not in this lab")
+        if body.robot in seen:
+            yield draft.error(("bodies", i), f"robot {body.robot} has a body already")
+            continue
+        seen.add(body.robot)
+        for topic in (body.odom, body.cmd_vel, body.pose):
+            other = owners.setdefault(topic, body.robot)
+            if other != body.robot:
+                message = f"robots {other} and {body.robot} have the same topic {topic}: put {{id}} into the namespace"
+                yield draft.error(("bodies", i), message)
+                break
+            if [body.odom, body.cmd_vel, body.pose].count(topic) > 1:
+                yield draft.error(("bodies", i), f"robot {body.robot} has the topic {topic} twice")
+                break
+
+
 def kills_and_restarts_alternate(draft: LabDraft) -> Iterator[Finding]:
     """A robot is killed while it lives, and restarted after it was killed."""
     if "faults" in draft.cut:
@@ -142,6 +164,7 @@ CHECKS = (
     finish_area_fits,
     quorum_fits,
     fault_robots_known,
+    bodies_fit,
     kills_and_restarts_alternate,
     disturbance_count,
 )

@@ -15,11 +15,11 @@ from pydantic_core import ErrorDetails
 from rmr_world.document import Document
 from rmr_world.finding import END_LINE, FilePath, Finding, LabError
 from rmr_world.near_miss import near_miss
-from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema
+from rmr_world.schema import LAB_NAME, NAME, NAMESPACE, PYTHON_FILE, TOPIC, LabFile, json_schema
 from rmr_world.validate.schema_hints import hint
 from rmr_world.validate.schema_lookup import schema_items, schema_keys
 
-_ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
+_ITEMISED = {"robots", "obstacles", "areas", "faults", "facts", "bodies"}
 """Sections from which a bad item is removed alone; of any other section all is removed."""
 _STAND_INS: Mapping[str, Any] = {
     "lab": "x",
@@ -34,6 +34,8 @@ _SPELT: Mapping[str, str] = {
     LAB_NAME: "should be small letters, digits, _ and -, a letter first",
     NAME: "should be letters, digits and _, a small letter first",
     PYTHON_FILE: "should be a Python file, FILE.py",
+    NAMESPACE: "should be a namespace of ROS 2 such as /robot_{id}: a / before each name of letters, digits and _",
+    TOPIC: "should be a topic of ROS 2 such as odom or /robot_{id}/odom: names of letters, digits and _",
 }
 """Patterns of the schema, and the words for each in an error message."""
 

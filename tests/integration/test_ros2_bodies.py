@@ -1,0 +1,117 @@
+"""Bodies that RMR did not make: ROS 2 nodes over MuJoCo, processes of their own, driven by `rmr up` over topics."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from launched import eventually
+
+from rmr_world.lab_file import load_lab
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "ros2"
+LACKS = [name for name in ("rclpy", "mujoco") if find_spec(name) is None]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(LACKS), reason=f"no {' and no '.join(LACKS)} here: make ros2"),
+]
+DOMAIN = 1 + os.getpid() % 100
+"""Of this process, so that tests beside each other do not drive each other's robots."""
+ENVIRONMENT = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(DOMAIN)}
+
+
+class Robots:
+    """A process with robots over MuJoCo."""
+
+    def __init__(self, lab, folder, *options):
+        self._report = folder / "robots.json"
+        self._errors = folder / "robots.err"
+        command = [sys.executable, EXAMPLES / "mujoco_robots.py", lab, "--report", self._report, *options]
+        with self._errors.open("w") as errors:
+            self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, env=ENVIRONMENT)
+        assert self._process.stdout.readline(), self._errors.read_text()
+
+    def now(self):
+        """Return what has truly happened so far."""
+        return eventually(lambda: json.loads(self._report.read_text()) if self._report.exists() else None)
+
+    def send(self, number):
+        self._process.send_signal(number)
+
+    def end(self):
+        """End them; return what has truly happened."""
+        self._process.send_signal(signal.SIGCONT)
+        self._process.send_signal(signal.SIGINT)
+        self._process.wait(20)
+        self._process.stdout.close()
+        return json.loads(self._report.read_text())
+
+
+@pytest.fixture
+def robots(tmp_path):
+    started = []
+
+    def start(lab, *options):
+        started.append(Robots(lab, tmp_path, *options))
+        return started[-1]
+
+    yield start
+    for each in started:
+        if each._process.poll() is None:
+            each.end()
+
+
+def up(lab, folder, *options):
+    """Run `rmr up`; return its exit code, report and output."""
+    run = folder / "run"
+    command = [sys.executable, "-m", "rmr", "up", lab, "--run", run, *options]
+    ended = subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    report = json.loads((run / "report.json").read_text()) if (run / "report.json").exists() else {}
+    return ended.returncode, report, ended.stdout + ended.stderr
+
+
+@pytest.mark.parametrize("options", [(), ("--stamped",)], ids=["Twist", "TwistStamped"])
+def test_a_robot_of_ros_2_drives_a_metre(tmp_path, robots, options):
+    fleet = robots(EXAMPLES / "metre.yaml", *options)
+    code, report, said = up(EXAMPLES / "metre.yaml", tmp_path)
+    assert code == 0, said
+    assert report["finished"]
+    truth = fleet.end()
+    assert truth["contacts"] == []
+    x, y, _ = truth["poses"]["4"]
+    assert abs(x - 1.6) < 0.08
+    assert abs(y - 0.6) < 0.08
+    assert truth["speeds"]["4"] == [0.0, 0.0]
+
+
+@pytest.mark.timeout(400)
+def test_six_robots_of_ros_2_pass_the_corridor_within_their_deadlines_and_touch_nothing(tmp_path, robots):
+    fleet = robots(EXAMPLES / "corridor.yaml")
+    code, report, said = up(EXAMPLES / "corridor.yaml", tmp_path)
+    truth = fleet.end()
+    assert code == 0, said
+    assert truth["contacts"] == []
+    exits = load_lab(EXAMPLES / "corridor.yaml").arena.area("exit").places
+    for x, y, _ in truth["poses"].values():
+        assert min(((x - slot.x) ** 2 + (y - slot.y) ** 2) ** 0.5 for slot in exits) < 0.1
+    assert report["deadlines"]["met"] == 6
+    assert {entry["estimates_dropped"] for entry in report["robots"].values()} == {0}
+    for counts in report["ros2"].values():  # odometry at 50 Hz and poses at 5 Hz, of which 2 % are lost
+        assert 40 * report["time_s"] < counts["odometry"]
+        assert 4 * report["time_s"] < counts["poses"]
+
+
+def test_robots_that_are_not_there_are_named_with_what_to_do_before_the_lab_begins(tmp_path, robots):
+    lab = tmp_path / "lab.yaml"
+    text = (EXAMPLES / "metre.yaml").read_text()
+    (tmp_path / "metre.rmr").write_text((EXAMPLES / "metre.rmr").read_text())
+    lab.write_text(text.replace("/tb3_{id}", "/other"))
+    robots(EXAMPLES / "metre.yaml")
+    code, _, said = up(lab, tmp_path)
+    assert code == 1
+    assert "robot 4: nobody publishes /other/odom (nav_msgs/msg/Odometry): start the robot, or correct" in said
+    assert "; of its type are /tb3_4/odom" in said

@@ -1,0 +1,48 @@
+"""The bodies of a world's robots, wherever they are: those of the physics, and those that a bridge brings from outside.
+
+Bodies from outside are carried through the physics, so that simulated robots see and touch them, and all are seen by
+the bridge's robots.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from rmr.base.geometry import Twist
+from rmr.base.time import Instant
+from rmr.node.ports import Sensed
+from rmr_world.physics import World
+
+if TYPE_CHECKING:
+    from rmr_ros.ros_bridge import RosBridge
+
+
+class AllBodies:
+    """Commands in, samples out."""
+
+    def __init__(self, physics: World, bridge: "RosBridge | None") -> None:
+        self._physics = physics
+        self._bridge = bridge
+        self._elsewhere = frozenset(() if bridge is None else bridge.robots)
+
+    def act(self, robot: int, twist: Twist, stamp: Instant, now: Instant) -> None:
+        """Command the wheels of `robot` to `twist`, which its mind decided at `stamp`."""
+        host = self._bridge if self._bridge is not None and robot in self._elsewhere else self._physics
+        host.act(robot, twist, stamp, now)
+
+    def carry(self, now: Instant) -> None:
+        """Bring the bodies from outside to where they are at `now`."""
+        if self._bridge is None:
+            return
+        self._bridge.step(now)
+        for robot in self._bridge.robots:
+            body = self._bridge.body(robot)
+            self._physics.carry(robot, body.pose, body.twist, body.travelled_m)
+
+    def sense(self, robot: int, now: Instant) -> Sensed | None:
+        """Return a sample of `robot`; None if nothing comes from it."""
+        if self._bridge is not None and robot in self._elsewhere:
+            return self._bridge.sense(robot, now, self._physics.in_view(robot))
+        return self._physics.sense(robot, now)
+
+    def report(self) -> dict[str, Any]:
+        """Return what has come of the topics of robots from outside, for the world's report."""
+        return {} if self._bridge is None else self._bridge.report()
