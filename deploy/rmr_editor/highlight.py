@@ -33,7 +33,9 @@ WORDS = {
     "TRUE": Keyword.Constant,
     "FALSE": Keyword.Constant,
     "LIST": Keyword.Type,
-    **dict.fromkeys(("TYPE", "CONST", "FUN", "INCLUDE", "ORDER", "ACTION", "SENSOR", "UNORDERED"), Keyword.Declaration),
+    **dict.fromkeys(
+        ("TYPE", "CONST", "FUN", "INCLUDE", "ORDER", "ACTION", "SENSOR", "UNORDERED", "SHARED"), Keyword.Declaration
+    ),
     **dict.fromkeys(("LPAR", "RPAR", "LSQB", "RSQB", "LBRACE", "RBRACE", "COMMA", "DOT", "COLON", "VBAR"), Punctuation),
 }
 """Terminals of the grammar with the tokens of Pygments; the other keywords are keywords, the other signs operators."""

@@ -75,6 +75,8 @@ def hidden_label(program: Program, predicate: int) -> str:
     hidden = next((each for each in program.ensemble if each.predicate == predicate), None)
     if hidden is None:
         return name
+    if hidden.duty is Duty.HEARD and hidden.other is not None:
+        return program.predicates[hidden.other].name
     base = name.rpartition("__")[0] or name
     return base if _is_shared(program, hidden) else f"{base} of {_rule(program, hidden)}"
 
@@ -82,13 +84,15 @@ def hidden_label(program: Program, predicate: int) -> str:
 def _is_shared(program: Program, hidden: HiddenPredicate) -> bool:
     """Whether several rules use a predicate."""
     name = program.predicates[hidden.predicate].name
-    return hidden.duty in {Duty.ASIDE, Duty.RETURN} or name.rpartition("__")[0] in SHARED
+    return hidden.duty in {Duty.ASIDE, Duty.RETURN, Duty.HEARD} or name.rpartition("__")[0] in SHARED
 
 
 def _meaning(program: Program, hidden: HiddenPredicate, texts: Sequence[str]) -> str:
     owner, *args = texts
     if hidden.duty is Duty.ASIDE and hidden.other is not None:
         return f"{program.predicates[hidden.other].name}({', '.join([owner, *args[1:]])}) is set aside"
+    if hidden.duty is Duty.HEARD and hidden.other is not None:
+        return f"{program.predicates[hidden.other].name}({', '.join(args)}), as {owner} has heard"
     if hidden.duty is Duty.RETURN and hidden.other is not None:
         return f"{program.predicates[hidden.other].name}({', '.join([owner, *args])}) returns"
     name = program.predicates[hidden.predicate].name

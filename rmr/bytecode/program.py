@@ -432,9 +432,11 @@ class Duty(IntEnum):
     """After a restart a robot has one such fact for each other robot, which is its argument."""
     NOTE = 7
     """Nothing: a robot's own record."""
+    HEARD = 8
+    """A sensed fact: a neighbour, the first argument, holds such a fact of `other`, as it was last heard to tell."""
 
 
-REFERRING_DUTIES = (Duty.DECISION, Duty.ASIDE, Duty.RETURN)
+REFERRING_DUTIES = (Duty.DECISION, Duty.ASIDE, Duty.RETURN, Duty.HEARD)
 """Duties that name another predicate."""
 
 SENT_DUTIES = (Duty.VIEW, Duty.MESSAGE, Duty.DECISION)
@@ -448,7 +450,7 @@ class HiddenPredicate:
     predicate: int
     duty: Duty
     other: int | None = None
-    """DECISION, ASIDE and RETURN only: a predicate."""
+    """DECISION, ASIDE, RETURN and HEARD only: a predicate."""
 
 
 class Strategy(IntEnum):

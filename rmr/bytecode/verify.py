@@ -117,8 +117,11 @@ class _Verifier:
 
     def hidden(self, hidden: HiddenPredicate) -> Iterator[str]:
         predicate = self.program.predicates[hidden.predicate]
+        heard = hidden.duty is Duty.HEARD
         plain = predicate.kind in {Kind.TEMPORARY, Kind.PERSISTENT} and not predicate.provided
-        if not plain:
+        if heard and (predicate.kind is not Kind.SENSED or predicate.provided):
+            yield f"{predicate.name} is not sensed"
+        if not heard and not plain:
             yield f"{predicate.name} is neither temporary nor persistent"
         if (hidden.other is not None) is not (hidden.duty in REFERRING_DUTIES):
             yield f"{predicate.name} has another predicate, or lacks one"
@@ -130,10 +133,13 @@ class _Verifier:
         if hidden.other is None:
             return
         other = self.program.predicates[hidden.other]
-        first = {Duty.DECISION: Base.ROBOT, Duty.ASIDE: Base.INT}.get(hidden.duty)
-        small, large = (other, predicate) if hidden.duty is Duty.ASIDE else (predicate, other)
+        first = {Duty.DECISION: Base.ROBOT, Duty.ASIDE: Base.INT, Duty.HEARD: Base.ROBOT}.get(hidden.duty)
+        small, large = (predicate, other)
+        if heard or hidden.duty is Duty.ASIDE:
+            small, large = large, small
         types = small.types if first is None else (Type(first), *small.types)
-        if other.kind is not Kind.TEMPORARY or predicate.kind is not Kind.TEMPORARY or large.types != types:
+        temporary = other.kind is Kind.TEMPORARY and (heard or predicate.kind is Kind.TEMPORARY)
+        if not temporary or large.types != types:
             yield f"{other.name} is not temporary with the types that {predicate.name} needs"
 
     def function(self, function: OwnFunction) -> Iterator[str]:

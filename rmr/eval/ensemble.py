@@ -9,6 +9,7 @@ The time of the last event (`happened`) counts notes of robots, firings and even
 acknowledgements and repeats of earlier frames, nor changes of schedules.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -60,6 +61,11 @@ REPEATS_MAX = 64
 """Rules in livelock whose places are kept."""
 RANGE_M = 1.0
 """Distance D of every fact `range(R, B, D)`: robots without bodies have no position."""
+
+UNKNOWN = 1e-9
+"""Probability, at most, that a neighbour has not heard what a robot has told of its shared facts."""
+SHARED_REPEATS_MAX = 64
+"""So many repeats reach it up to a loss of 72 %."""
 
 ABOUT_SCHEDULES = frozenset({"asks", "slotted", "slot_lost", "entered", "left", "withdrawn", "scheduled", "leads"})
 ABOUT_FRAMES = frozenset({"repeated", "delivered", "malformed", "other_program"})
@@ -206,6 +212,7 @@ class Ensemble:
             trace=TraceLevel.NOTES if self._sink is None else TraceLevel.FIRINGS,
             turn=max(self.acting.longest, TURN_MIN),
             engine=conditions.engine,
+            shared_repeats=_shared_repeats(conditions.loss),
         )
         ports = Ports(link, None, neighbors=_Neighbors(self, robot))
         return Node(config, self.program, ports, self.acting.handlers, self._digest)
@@ -358,6 +365,13 @@ class Ensemble:
         assert self._sink is not None
         note = {"what": "lost", "destination": destination, "frame": frame_text(payload)}
         self._sink([{"t": round(in_seconds(now), 6), "robot": source, **note}])
+
+
+def _shared_repeats(loss: float) -> int:
+    """Return how often shared facts are told again, so that hardly any is unknown to a neighbour when the run ends."""
+    if loss <= 0.0:
+        return 0
+    return SHARED_REPEATS_MAX if loss >= 1.0 else min(SHARED_REPEATS_MAX, math.ceil(math.log(UNKNOWN) / math.log(loss)))
 
 
 def most(count: int, robots: int) -> int:

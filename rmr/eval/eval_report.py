@@ -223,6 +223,8 @@ def outstanding(hosted: HostedNode) -> Iterator[str]:
         yield f"{len(node.messenger.exchange.arrivals)} deliveries have arrived and wait until no rule is satisfied"
     if not node.messenger.exchange.idle:
         yield "a fact for another robot is not acknowledged yet"
+    if node.messenger.shared.outstanding:
+        yield "shared facts are to be told to neighbours"
 
 
 def dropped(ensemble: NodeRun) -> Iterator[str]:
@@ -230,6 +232,9 @@ def dropped(ensemble: NodeRun) -> Iterator[str]:
     for identity, robot in ensemble.robots.items():
         for what, count in robot.node.machine.dropped.items():
             yield f"robot {identity} dropped {count} {what}: more than it keeps (`--trace` says where)"
+        for predicate, count in robot.node.messenger.shared.untold.items():
+            name = robot.node.program.predicates[predicate].name
+            yield f"robot {identity}: neighbours are not told {count} facts {name}/...: no frame has room for them"
 
 
 def omitted(ensemble: NodeRun) -> Iterator[str]:

@@ -20,6 +20,7 @@ from rmr.lang.analyse.types import DRAWN, TIMED, Types
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.lower.ensemble_rules import rewritten
 from rmr.lang.lower.ensemble_writer import EnsembleRules, EnsembleWriter
+from rmr.lang.lower.far_reads import SharedReader
 from rmr.lang.lower.joint_plan import owners_of, with_named_owners
 from rmr.lang.lower.joint_rules import JointPlanner
 from rmr.lang.lower.ordering import variables
@@ -97,6 +98,7 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN, 
     projector = Projector(names, types, frozenset(symbols), found)
     planner = JointPlanner(names, found)
     ensemble = EnsembleWriter(names, types)
+    shared = SharedReader(names, planner, ensemble, found)
     rules: list[Projected | None] = []
     assertions: list[Watched | None] = []
     for item in module.items:
@@ -109,7 +111,9 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN, 
                 _effects(item, names, found)
             case RuleItem():
                 _untimed(item, found)
-                rules += map(projector.rule, _of_one_robot(item, projector, planner, ensemble, found))
+                local = shared.at_home(item)
+                if local is not None:
+                    rules += map(projector.rule, _of_one_robot(local, projector, planner, ensemble, found))
             case FunctionItem():
                 _function(item, found)
             case AssertionItem():

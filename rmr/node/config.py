@@ -70,6 +70,8 @@ class NodeConfig:
 
     provenance: ProvenanceLog | None = None
     """Log of where facts and actions come from; with one the program is interpreted, whatever `engine` says."""
+    shared_repeats: int | None = None
+    """How often shared facts are told again after a change; None: for as long as they hold, as over a real radio."""
     without: frozenset[str] = frozenset()
     """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
     firings: dict[str, int] = field(default_factory=dict)

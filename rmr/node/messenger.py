@@ -1,4 +1,4 @@
-"""What a robot says and hears: coordination, deliveries and their acknowledgements, hellos, failure broadcasts.
+"""What a robot says and hears: coordination, deliveries and their acknowledgements, shared facts, hellos, failures.
 
 The first octet of a payload says whose it is. A frame is handled in a call of the node, the executive's radio task, or
 overheard between two calls if it changes nothing but what is known of its sender.
@@ -15,6 +15,7 @@ from rmr.node import payloads
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.logic.deliveries import ABOUT_JOBS, Deliveries
 from rmr.node.logic.inbound import Arrival
+from rmr.node.logic.shared_facts import SharedFacts
 from rmr.node.parts import Radio
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.presence import Presence, decode_hello_cached
@@ -61,7 +62,9 @@ class Messenger:
         coordination: CoordLink,
         presence: Presence,
         deliveries: Deliveries,
+        shared: SharedFacts,
     ) -> None:
+        self.shared = shared
         self.exchange = deliveries.exchange
         self.deliveries = deliveries
         self.malformed = 0
@@ -80,13 +83,16 @@ class Messenger:
         """When there is something to say or to repeat."""
         hello = self._presence.next_wake
         delivery = self.exchange.next_wake
-        return hello if hello < delivery else delivery
+        due = hello if hello < delivery else delivery
+        return min(due, self.shared.next_wake) if self.shared.used else due
 
     def wake(self, now: Instant) -> None:
         """Say what is due."""
         self._presence.wake(now)
         if now >= self.exchange.next_wake:
             self.exchange.wake(now)
+        if self.shared.used:
+            self.shared.wake(now)
         self.flush(now)
 
     def flush(self, now: Instant) -> None:
@@ -161,6 +167,9 @@ class Messenger:
                 self.exchange.asked(payload, frame.source)
             case PayloadKind.FACT_LIFE:
                 self.exchange.life_told(now, payload, frame.source)
+            case PayloadKind.SHARED:
+                if self.shared.used:
+                    self.shared.received(now, frame)
             case PayloadKind.FAILURE:
                 self._failure(now, frame)
             case kind:

@@ -28,6 +28,7 @@ from rmr.node.executive import Executive, ExecutiveTask
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
 from rmr.node.logic.machine_runner import MachineRunner
+from rmr.node.logic.shared_facts import SharedFacts
 from rmr.node.messenger import Messenger, Transmitter
 from rmr.node.peers.presence import Presence
 from rmr.node.peers.proximity import Proximity
@@ -90,7 +91,8 @@ class Node:
         deliveries = Deliveries(state, exchange)
         self._presence = Presence(state, radio, self.crossings, self.actions)
         link = self._coordination
-        self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
+        shared = SharedFacts(state, radio, payload_max, ports.neighbors)
+        self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries, shared)
         self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services.handler)
         self._proximity = Proximity(state, ports.neighbors)
         runtime = RuntimeSystem(state, self.runner, self.actions, self.crossings, link, self.messenger)
@@ -255,6 +257,7 @@ class Node:
             ("facts set aside", bool(machine.program.ensemble) and bool(machine.set_aside())),
             ("a delivery that has arrived", self.messenger.waiting),
             ("a fact under way", not self.messenger.exchange.idle),
+            ("a shared fact to be told", self.messenger.shared.outstanding),
             ("an action", not self.actions.idle),
             ("a deadline", machine.quiescent and machine.next_wake < NEVER),
             ("the silence of a robot", self._proximity.next_wake < NEVER),

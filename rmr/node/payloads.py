@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from rmr.base.time import NEVER, NS_PER_MS, Instant
+from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 
 PAYLOAD_OCTETS_MAX: Final = 116
@@ -47,6 +47,9 @@ class PayloadKind(IntEnum):
     FACT_LIFE = 0x15
     """life 1, instant 8: a receiver answers what is addressed to an earlier life of it. The instant is one at which the
     life before had ended, in nanoseconds of lab time."""
+    SHARED = 0x16
+    """digest 2, epoch 1, number 2, for how long it holds 1 (0.5 s), then for each predicate: index 2, facts 1, values.
+    The facts of these predicates that the sender holds, all of them (`rmr.node.logic.shared_facts`)."""
     HELLO = 0x20
     """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2,
     up to 6 octets: whom the sender hears (`rmr.node.peers.link_sensing`)."""
@@ -296,6 +299,69 @@ def decode_failure(payload: bytes) -> tuple[int, int | None]:
     return digest, None if assertion == _NO_ASSERTION else assertion
 
 
+class SharedFrame(NamedTuple):
+    """What a robot tells its neighbours of its shared facts."""
+
+    digest: int
+    epoch: int
+    number: int
+    lasts: Duration
+    """For how long it holds, in whole half seconds on the air, rounded up."""
+    parts: Sequence[bytes] = ()
+    """What is sent: of each predicate (`encode_shared_part`)."""
+    facts: Sequence[tuple[int, list[tuple[Value, ...]]]] = ()
+    """What has arrived: predicate and all its facts."""
+
+
+_SHARED: Final = struct.Struct(">BHBHB")
+SHARED_OCTETS: Final = _SHARED.size
+SHARED_PART_OCTETS: Final = 3
+SHARED_FACTS_MAX: Final = 255
+"""Facts of one predicate in a frame: their number takes an octet."""
+_HALF_SECOND: Final[Duration] = 500 * NS_PER_MS
+
+
+def encode_values(values: Sequence[Value], symbols: Mapping[str, int]) -> bytes:
+    """Return values as octets. Raises WireError when one is too long, or nested too deep."""
+    out = bytearray()
+    for value in values:
+        _encode_value(out, value, symbols, 0)
+    return bytes(out)
+
+
+def encode_shared_part(index: int, facts: Sequence[bytes]) -> bytes:
+    """Return what a frame says of one predicate; the values of a fact are told by `encode_values`."""
+    return struct.pack(">HB", index, len(facts)) + b"".join(facts)
+
+
+def encode_shared(frame: SharedFrame) -> bytes:
+    """Return the payload that tells shared facts."""
+    lasts = min(255, -(-frame.lasts // _HALF_SECOND))
+    head = _SHARED.pack(PayloadKind.SHARED, frame.digest, frame.epoch, frame.number, lasts)
+    return head + b"".join(frame.parts)
+
+
+def decode_shared(payload: bytes, widths: Mapping[int, int], symbols: Sequence[str], digest: int) -> SharedFrame | None:
+    """Return what `payload` tells, None if that is of a program with another digest. Raises WireError.
+
+    `widths` gives the shared predicates of the program their numbers of arguments, without the owner.
+    """
+    try:
+        _, whose, epoch, number, lasts = _SHARED.unpack_from(payload)
+        if whose != digest:
+            return None
+        reader = _Reader(payload, _SHARED.size, symbols)
+        facts = []
+        while reader.offset < len(payload):
+            index, count = reader.part()
+            if index not in widths:
+                raise WireError(f"shared facts of predicate {index}, which is none")
+            facts.append((index, [tuple([reader.value(0) for _ in range(widths[index])]) for _ in range(count)]))
+    except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
+        raise WireError(f"shared facts: {error}") from error
+    return SharedFrame(whose, epoch, number, lasts * _HALF_SECOND, facts=facts)
+
+
 class _Tag(IntEnum):
     FALSE = 0
     TRUE = 1
@@ -403,6 +469,10 @@ class _Reader:
     def due(self) -> Instant:
         """Read a delivery's deadline."""
         return int(self._take(">I")) * NS_PER_MS
+
+    def part(self) -> tuple[int, int]:
+        """Read the predicate of shared facts, and how many follow."""
+        return int(self._take(">H")), int(self._take(">B"))
 
     def value(self, depth: int) -> Value:
         """Read one value, so many lists deep."""

@@ -73,6 +73,7 @@ def take_over(now: Instant, old: NodeParts, new: NodeParts, digest: int) -> Prog
     new.services.take_over(old.services)
     new.runner.follow(old.runner)
     new.messenger.malformed = old.messenger.malformed
+    new.messenger.shared.follow(old.messenger.shared)
     deliveries = new.messenger.deliveries
     ended = change_deliveries(now, old.messenger.deliveries, deliveries, pair, digest)
     new.messenger.exchange = deliveries.exchange

@@ -53,6 +53,8 @@ class RuntimeSystem:
         state.reschedule = True
         self._rounds(now)
         self._runner.watch_quiescence(now)
+        if self._messenger.shared.used:
+            self._messenger.shared.look(now)
         if state.finish.update(now):
             state.trace(now, "finished")
 

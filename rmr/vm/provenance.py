@@ -50,6 +50,14 @@ class DeliveredCause(NamedTuple):
     sequence: int
 
 
+class HeardCause(NamedTuple):
+    """A neighbour holds a shared fact, or holds it no more, as it has told last."""
+
+    source: int
+    lost: bool = False
+    """It is taken to be gone since the neighbour is not heard any more."""
+
+
 class SentKey(NamedTuple):
     """A delivery of the robot's own, as its frames name it."""
 
@@ -113,6 +121,7 @@ Cause = (
     | StepCause
     | HandlerCause
     | DeliveredCause
+    | HeardCause
     | UndeliveredCause
     | StandsCause
     | MissedCause

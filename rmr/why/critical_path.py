@@ -29,6 +29,7 @@ from rmr.vm.provenance import (
     FiringRecord,
     GivenCause,
     HandlerCause,
+    HeardCause,
     MissedCause,
     OutsideCause,
     SensedCause,
@@ -40,7 +41,7 @@ from rmr.why.delay import OWNER_OF, Delay, Interval, PathAction, TimeOwner, cut_
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, PastDelivery, PastFact, PastSend, TurnGate
 from rmr.why.radio_time import Attempts, radio_time
-from rmr.why.robot_history import RobotHistory, failure_broadcast, next_supplier, on_its_way
+from rmr.why.robot_history import RobotHistory, failure_broadcast, next_supplier, on_its_way, shared_fact
 from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
@@ -199,7 +200,20 @@ class CriticalPath:
         self._cover(at, TimeOwner.RULE, robot, (), f"after {text}")
         if isinstance(cause, SensedCause):
             return self._sensed(mind, fact, at, place)
+        if isinstance(cause, HeardCause):
+            return self._heard(robot, fact, cause, gone=gone)
         return self._because(mind, cause, place, text)
+
+    def _heard(self, robot: int, fact: PastFact, cause: HeardCause, *, gone: bool) -> Step | None:
+        """From what a neighbour has told of its shared facts to what it did."""
+        text = self._text(robot, fact)
+        history = self._histories.get(cause.source)
+        told = None if history is None or cause.lost else shared_fact(history.minds, fact)
+        if told is None or (gone and told[1].until > fact.until):
+            return self._outside(robot, text, (cause.source,))
+        mind, known = told
+        self._cover(known.until if gone else known.at, TimeOwner.OUTSIDE, robot, (cause.source,), f"until {text}")
+        return partial(self._change, mind, known, gone=gone)
 
     def _because(self, mind: MindIndex, cause: Cause, place: int, what: str) -> Step | None:
         """From something that happened at a place among the records to its cause."""
@@ -228,7 +242,7 @@ class CriticalPath:
                 since = self._begin if start is None else start.at
                 self._cover(since, TimeOwner.RULE, mind.robot, (), f"until a deadline had passed, for {what}")
                 return self._outside(mind.robot, what) if start is None else partial(self._change, mind, start)
-            case SensedCause() | GivenCause() | OutsideCause():
+            case SensedCause() | GivenCause() | OutsideCause() | HeardCause():
                 return self._outside(mind.robot, what)
             case _:
                 assert_never(cause)

@@ -9,9 +9,10 @@ what the action does.
 from typing import Final, NamedTuple
 
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Atom, Bind, Kind, Mode, Program, Rule, Slot
+from rmr.bytecode.program import Atom, Bind, Duty, Fold, Kind, Mode, Program, Rule, Slot
 from rmr.vm.derive import DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.match import pattern_agrees
 from rmr.vm.provenance import (
     Cause,
     DeliveredCause,
@@ -20,6 +21,7 @@ from rmr.vm.provenance import (
     FiringRecord,
     GivenCause,
     HandlerCause,
+    HeardCause,
     MissedCause,
     OutsideCause,
     SensedCause,
@@ -31,7 +33,7 @@ from rmr.vm.ranks import PENDING, rank_text, reading
 from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
 from rmr.why.past_items import EndedGoal, PastAction, PastFact, PastGoal, PastItem, PastSend
-from rmr.why.robot_history import failure_broadcast
+from rmr.why.robot_history import failure_broadcast, shared_fact
 from rmr.why.rule_words import conjunct_text, item_text, rule_name, rule_place_of, seconds_text
 from rmr.why.why_tree import RuleFiring, WhyNode
 
@@ -163,6 +165,9 @@ class Explainer:
                 return self._fired(mind, mind.firings[number], chain)
             case DeliveredCause():
                 return self._delivered(mind, item, cause)
+            case HeardCause(source):
+                told = None if not isinstance(item, PastFact) else shared_fact(self._past.minds(source), item)
+                return Because("heard", f"told by @{source}, a neighbour", [] if told is None else [Premise(*told)])
             case UndeliveredCause():
                 return self._undelivered(mind, item, cause)
             case StandsCause(key):
@@ -264,6 +269,7 @@ class Explainer:
         for serial in inner:
             role = "consumed" if serial in consumed else "kept" if self._linear(mind, serial) else "read"
             premises.append(Premise(mind, mind.facts[serial], role))
+        premises += [Premise(mind, fact, "read") for fact in self._heard_within(mind, record, rule)]
         firing = self.firing(mind, record, rule)
         words = f"by {rule_name(self._program, record.rule)}"
         if firing.conditions:
@@ -272,6 +278,21 @@ class Explainer:
             distance = _distance(firing.rank or 0)
             words += f", for the goal {', '.join(firing.goals)}{distance}"
         return Because("rule", words, premises, firing)
+
+    def _heard_within(self, mind: MindIndex, record: FiringRecord, rule: Rule) -> list[PastFact]:
+        """Return what neighbours had told that the aggregates of a rule's body have taken up."""
+        heard = [each.predicate for each in self._program.ensemble if each.duty is Duty.HEARD]
+        found: dict[int, PastFact] = {}
+        for fold in rule.body if heard else ():
+            for atom in fold.body if isinstance(fold, Fold) else ():
+                if isinstance(atom, Atom) and atom.predicate in heard and atom.mode is not Mode.ABSENT:
+                    # What the aggregate has bound itself may differ from match to match.
+                    own = fold.slots if isinstance(fold, Fold) else ()
+                    known = [None if slot in own else value for slot, value in enumerate(record.bindings)]
+                    for fact in mind.held_before(atom.predicate, record.number):
+                        if pattern_agrees(atom.args, fact.args, tuple(known)):
+                            found[fact.serial] = fact
+        return list(found.values())
 
     def _linear(self, mind: MindIndex, serial: int) -> bool:
         return self._program.predicates[mind.facts[serial].predicate].kind is Kind.TEMPORARY

@@ -153,3 +153,13 @@ def failure_broadcast(minds: Sequence[MindIndex], failed: PastFact) -> tuple[Min
             if name == BROADCAST and action.begun is not None and action.begun <= failed.at:
                 return mind, action
     return None
+
+
+def shared_fact(minds: Sequence[MindIndex], heard: PastFact) -> tuple[MindIndex, PastFact] | None:
+    """Return the fact of the robot whose `minds` these are, of which another one had `heard`; None: not recorded."""
+    for mind in reversed(minds):
+        shared = next((each.other for each in mind.program.ensemble if each.predicate == heard.predicate), None)
+        for fact in reversed(mind.by_predicate[shared] if shared is not None else []):
+            if fact.at <= heard.at and fact.args == heard.args[1:]:
+                return mind, fact
+    return None

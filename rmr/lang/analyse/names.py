@@ -102,6 +102,11 @@ class Signature:
     """The use whose `!` makes an undeclared predicate persistent."""
 
     @property
+    def is_shared(self) -> bool:
+        """Whether neighbours of its owner may read it."""
+        return self.declaration is not None and self.declaration.shared is not None and self.kind is Kind.TEMPORARY
+
+    @property
     def is_fact(self) -> bool:
         """Whether it is a predicate, not an action."""
         return self.kind is not Kind.ACTION
@@ -124,6 +129,13 @@ class Names:
     def of(self, fact: FactNode) -> Signature:
         """Return the signature of the predicate or action that `fact` names; each name in the program has one."""
         return self.signatures[fact.name.text]
+
+    def sharing(self, fact: FactNode) -> str:
+        """Return the end of a hint at a fact of another robot: neighbours may be told of it; empty if they cannot."""
+        signature = self.of(fact)
+        if signature.kind is not Kind.TEMPORARY or signature.is_shared or fact.mark is Mark.GOAL:
+            return ""
+        return f"; or declare `type shared {signature.name}(...)`, and what neighbours have told last is read"
 
     def declaring(self, file: str, declaration: str) -> Fix | None:
         """Return the fix that writes a declaration before the first item of a file."""
@@ -260,6 +272,11 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
     if item.kind is Declared.SENSED and item.unordered is not None:
         message = f"`{name}` is a sensed fact; each robot senses its own, none is sent"
         found.report("E012", message, item.unordered, hint="drop `unordered`")
+    if item.kind is not Declared.TEMPORARY and item.shared is not None:
+        message = f"`shared` is for temporary facts, which neighbours then read; `{name}` is {item.kind.value}"
+        hint = f"`type shared {name}(...)`, or drop `shared`; a persistent or sensed fact is told by a rule: "
+        hint += "`seen(R, X) -o sees(R, X).` with a shared `sees`"
+        found.report("E012", message, item.shared, hint=hint)
     types = tuple(declared_type(parameter.type) for parameter in item.parameters[1:])
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
     signature.provided = provided.is_provided(name, signature.kind, signature.types)

@@ -57,7 +57,7 @@ class _Firing:
 def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
     """Report the rules of `module` that never stop."""
     rules = [item for item in module.items if isinstance(item, RuleItem)]
-    candidates = [rule for rule in rules if _may_repeat(rule)]
+    candidates = [rule for rule in rules if _may_repeat(rule) and not _reads_neighbours(rule, names)]
     if not candidates:
         return
     consumers = _consumers(rules, names)
@@ -91,6 +91,14 @@ def _may_repeat(rule: RuleItem) -> bool:
         elif isinstance(part, StepsNode) and any(fact.name.text in body for fact in part.derived):
             return True
     return False
+
+
+def _reads_neighbours(rule: RuleItem, names: Names) -> bool:
+    """Whether a rule reads shared facts of another robot: these are not its own to use up, and come and go."""
+    positive = [each for each in rule.body if isinstance(each, FactNode) and not each.absent]
+    owners = [each.owner for each in positive]
+    several = any(one is None or owners[0] is None or not _is_same(one, owners[0]) for one in owners[1:])
+    return several and any(names.of(each).is_shared for each in positive)
 
 
 def _consumers(rules: list[RuleItem], names: Names) -> dict[str, int]:

@@ -44,7 +44,7 @@ OPERANDS = frozenset(
     },
 )
 """Kinds of tokens that end an operand: a `-` behind one is binary."""
-CALLED = frozenset({"NAME", "ASSERT", "WATCH", "IF", "END", "UNORDERED"})
+CALLED = frozenset({"NAME", "ASSERT", "WATCH", "IF", "END", "UNORDERED", "SHARED"})
 """Kinds of tokens with no space before a following `(`."""
 CLOSING = frozenset({")", "]", "}"})
 SECTIONS = frozenset({"-o", "else", "|"})

@@ -120,6 +120,11 @@ def called(owner: Expression | None) -> str:
     return f"`{owner.name}`" if isinstance(owner, Variable) and "'" not in owner.name else "another robot"
 
 
+def named_owner(owner: Expression | None) -> str | None:
+    """Return the name that the source gives an owner; None for a constant or an anonymous one."""
+    return owner.name if isinstance(owner, Variable) and not owner.anonymous and "'" not in owner.name else None
+
+
 def with_named_owners(rule: RuleItem) -> RuleItem:
     """Return the rule with a variable for each anonymous owner of its positive atoms."""
     body: list[Conjunct] = []

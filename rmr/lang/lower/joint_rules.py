@@ -86,6 +86,18 @@ class JointPlanner:
         plan = replace(plan, others=others)
         return plan if self._is_possible(plan) else None
 
+    def home(self, rule: RuleItem) -> Variable | Literal | None:
+        """Return an owner that reaches all the others, the first item's of the head if it does; None: no owner does."""
+        owners = owners_of(rule)
+        positive = [each for each in rule.body if isinstance(each, FactNode) and not each.absent]
+        groups = [[fact for fact in positive if same_owner(fact.owner, owner)] for owner in owners]
+        conditions = [each for each in rule.body if isinstance(each, Condition)]
+        candidates = [self._candidate(place, owners, groups, conditions) for place in range(len(owners))]
+        usable = [each.owner for each in candidates if not each.missing and not each.inverted]
+        usable = usable or [each.owner for each in candidates if not each.missing]
+        first = next((fact.owner for fact in rule.head if isinstance(fact, FactNode)), None)
+        return min(usable, key=lambda owner: not same_owner(owner, first), default=None)
+
     def _candidate(
         self,
         place: int,
@@ -262,6 +274,7 @@ class JointPlanner:
         who = called(plan.offered[0].owner)
         message = f"this rule over several robots uses nothing up, and the facts of {who} come and go"
         hint = f"let {who} tell {called(plan.home)} by a fact when they change"
+        hint += next((words for fact in plan.offered[0].facts if (words := self._names.sharing(fact))), "")
         self._found.report("E041", message, plan.rule.span, hint=hint)
         return False
 
@@ -273,6 +286,7 @@ class JointPlanner:
                 if isinstance(fact, FactNode) and not same_owner(fact.owner, plan.home):
                     message = f"{what} may name the facts of the rule's home robot only"
                     hint = f"the rule's home robot is {called(plan.home)}; let the other robot tell it"
+                    hint += self._names.sharing(fact)
                     self._found.report("E033", message, fact.span, hint=hint)
                     good = False
         return good

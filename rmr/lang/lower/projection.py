@@ -57,6 +57,7 @@ class Projector:
     """Projects the rules of one program."""
 
     def __init__(self, names: Names, types: Types, symbols: frozenset[str], found: Diagnostics) -> None:
+        self._names = names
         self._types = types
         self._found = found
         self._orderer = Orderer(names, symbols, found)
@@ -162,6 +163,7 @@ class Projector:
         hint = "another robot's facts are not at hand here"
         if isinstance(home, Variable) or (isinstance(home, Literal) and isinstance(home.value, Robot)):
             hint = f"the rule's home robot is {called(home)}; {hint}"
+        hint += self._names.sharing(fact)
         message = f"{what} may name the facts of the rule's home robot only"
         self._found.report("E033", message, fact.span, hint=hint)
         return False

@@ -27,7 +27,7 @@ _CALLED = {
 }
 """Names in hints of terminals without a fixed spelling."""
 _HIDDEN = {
-    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "UNORDERED", "LIST"),
+    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "UNORDERED", "SHARED", "LIST"),
     *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
 }
 """Terminals left out of hints: operators, and values that "a number" or "a name" already covers."""

@@ -260,7 +260,8 @@ class Declared(Enum):
 class TypeDeclaration:
     """``type p(...)``, ``type !p(...)``, ``type sensor p(...)``, or an action type with its effects.
 
-    ``unordered`` behind ``type`` marks what may overtake, and be overtaken by, what else is sent to the same robot.
+    ``unordered`` behind ``type`` marks what may overtake, and be overtaken by, what else is sent to the same robot;
+    ``shared`` marks a temporary fact that neighbours know of.
     """
 
     kind: Declared
@@ -270,6 +271,8 @@ class TypeDeclaration:
     effects: tuple[FactNode, ...] = ()
     else_effects: tuple[FactNode, ...] = ()
     unordered: Span | None = None
+    """The place of the token."""
+    shared: Span | None = None
     """The place of the token."""
 
 

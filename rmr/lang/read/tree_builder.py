@@ -98,17 +98,24 @@ class Builder:
     def type_declaration(
         self,
         span: Span,
-        unordered: Token | None,
+        word: Token | None,
         mark: Token | None,
         name: Token,
         parameters: tuple[syntax.Parameter, ...],
     ) -> syntax.TypeDeclaration:
         kinds = {"!": syntax.Declared.PERSISTENT, "sensor": syntax.Declared.SENSED}
         kind = kinds[mark.text] if mark is not None else syntax.Declared.TEMPORARY
-        place = None if unordered is None else self._token_span(unordered)
-        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, unordered=place)
+        unordered, shared = self._placed(word)
+        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, unordered=unordered, shared=shared)
 
-    def type_called_unordered(
+    def _placed(self, word: Token | None) -> tuple[Span | None, Span | None]:
+        """Return the place of ``unordered`` and that of ``shared``, of which one may stand behind ``type``."""
+        if word is None:
+            return None, None
+        place = self._token_span(word)
+        return (place, None) if word.text == "unordered" else (None, place)
+
+    def type_called_so(
         self, span: Span, name: Token, parameters: tuple[syntax.Parameter, ...]
     ) -> syntax.TypeDeclaration:
         return self.type_declaration(span, None, None, name, parameters)
@@ -116,7 +123,7 @@ class Builder:
     def action_declaration(
         self,
         span: Span,
-        unordered: Token | None,
+        word: Token | None,
         name: Token,
         parameters: tuple[syntax.Parameter, ...],
         _arrow: Token | None,
@@ -124,8 +131,10 @@ class Builder:
         otherwise: tuple[syntax.FactNode, ...] | None,
     ) -> syntax.TypeDeclaration:
         kind = syntax.Declared.ACTION
-        place = None if unordered is None else self._token_span(unordered)
-        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, effects or (), otherwise or (), place)
+        unordered, shared = self._placed(word)
+        return syntax.TypeDeclaration(
+            kind, self._name(name), parameters, span, effects or (), otherwise or (), unordered, shared
+        )
 
     def parameters(self, _span: Span, *parameters: tuple[syntax.Parameter, ...] | None) -> tuple[syntax.Parameter, ...]:
         return tuple(chain.from_iterable(each for each in parameters if each is not None))

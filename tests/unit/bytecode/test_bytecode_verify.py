@@ -286,6 +286,12 @@ UNSOUND: list[tuple[str, Callable[[Hand, int, int, int], object]]] = [
         lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.LIFE), HiddenPredicate(q, Duty.LIFE)),
     ),
     ("s is neither temporary nor persistent", lambda h, p, q, go: hidden(h, HiddenPredicate(S, Duty.NOTE))),
+    ("p is not sensed", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.HEARD, p))),
+    ("s has another predicate, or lacks one", lambda h, p, q, go: hidden(h, HiddenPredicate(S, Duty.HEARD))),
+    (
+        "p is not temporary with the types that s needs",
+        lambda h, p, q, go: hidden(h, HiddenPredicate(S, Duty.HEARD, p)),
+    ),
     ("p has another predicate, or lacks one", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.ASIDE))),
     ("p has another predicate, or lacks one", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.NOTE, p))),
     ("p is not persistent with one int", lambda h, p, q, go: hidden(h, HiddenPredicate(p, Duty.LIFE))),

@@ -57,6 +57,40 @@ localisation: {beacons: [[0, 0], [1.5, 0]], rate: 10, sigma: 0.005}
 """
 
 
+GRADIENT = """
+type shared hops(robot, int).
+hops(@1, 0).
+hops(@2, 9).
+hops(@3, 9).
+hops(R, H), H > 0, N = min(X + 1, neighbor(R, B), hops(B, X)), H != N, N < 12 -o hops(R, N).
+"""
+GRADIENT_LAB = """
+lab: gradient
+program: gradient.rmr
+seed: 1
+duration: 20s
+arena: {size: [1.5, 1.5], cell: 0.05}
+robots: [{id: 1, pose: [0.2, 0.2, 0deg]}, {id: 2, pose: [0.6, 0.2, 0deg]}, {id: 3, pose: [1.0, 0.2, 0deg]}]
+radio: {loss: 0.2}
+localisation: {beacons: [[0, 0], [1.5, 0]], rate: 10, sigma: 0.005}
+faults: [{from: 0s, to: 12s, link: [1, 3], cut: true}, {at: 8s, kill: 2}, {at: 15s, restart: 2}]
+"""
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_what_is_heard_of_shared_facts_and_what_ends_unheard_is_replayed(tmp_path, engine):
+    (tmp_path / "gradient.rmr").write_text(GRADIENT)
+    (tmp_path / "lab.yaml").write_text(GRADIENT_LAB)
+    run = MindRun(tmp_path / "lab.yaml")
+    facts = {each.node.robot: each.node.machine.facts() for each in run.simulation.robots}
+    assert facts == {1: ["hops(@1, 0)"], 2: ["hops(@2, 1)"], 3: ["hops(@3, 1)"]}
+    for robot, epoch in run.logs:
+        replay = run.replay(robot, epoch, engine=engine)
+        assert replay.difference is None
+        if (robot, epoch) != (2, 0):
+            assert replay.node.machine.facts() == facts[robot]
+
+
 def test_deliveries_that_wait_for_rules_take_effect_at_the_same_calls_with_either_engine(tmp_path):
     (tmp_path / "lab.yaml").write_text(SLOW_LAB)
     (tmp_path / "slow.rmr").write_text(SLOW_RECEIVER)
