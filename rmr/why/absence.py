@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from rmr.base.time import Instant
-from rmr.bytecode.program import Kind
+from rmr.bytecode.program import Duty, Kind
 from rmr.vm.derive import DerivedKind
 from rmr.vm.provenance import DeliveredCause, FiringCause
 from rmr.why.explain import DEPTH, SENSES, stages, withdrawn_text
@@ -142,6 +142,8 @@ class AbsenceFinder:
     def _sensor(self, asked: Question) -> str:
         predicate = self._program.predicates[asked.predicate]
         words = SENSES.get(predicate.name, "sensed") if predicate.provided else "sensed"
+        if any(each.predicate == asked.predicate and each.duty is Duty.HEARD for each in self._program.ensemble):
+            words = "told by the neighbour"
         assert asked.owner is not None
         mind = self._past.mind_at(asked.owner, self._now)
         held = [] if mind is None else mind.held(asked.predicate, self._now)

@@ -134,8 +134,10 @@ def conjunct_text(program: Program, conjunct: Conjunct, robot: int, env: Env) ->
         mark = {Mode.ABSENT: "not ", Mode.KEEP: "$"}.get(conjunct.mode, "")
         return mark + atom_text(program, conjunct, robot, env)
     if isinstance(conjunct, Fold):
-        term = [] if conjunct.term is None else [expression_text(conjunct.term, env)]
-        inner = [conjunct_text(program, each, robot, env) for each in conjunct.body]
+        # Its own variables have another value in each match.
+        own = [None if slot in conjunct.slots else value for slot, value in enumerate(env)]
+        term = [] if conjunct.term is None else [expression_text(conjunct.term, own)]
+        inner = [conjunct_text(program, each, robot, own) for each in conjunct.body]
         call = f"{conjunct.operator.name.lower()}({', '.join([*term, *inner])})"
         return f"{_value(env[conjunct.result])} = {shortened(call)}"
     if isinstance(conjunct, Bind):

@@ -3,7 +3,7 @@
 from typing import Final
 
 from rmr.base.time import Instant
-from rmr.vm.provenance import EffectCause, FiringCause
+from rmr.vm.provenance import EffectCause, FiringCause, HeardCause
 from rmr.why.explain import DEPTH, Explainer, Premise
 from rmr.why.mind_index import MindIndex
 from rmr.why.past import Past
@@ -120,4 +120,6 @@ def removal(past: Past, mind: MindIndex, fact: PastFact) -> str:
     if isinstance(fact.removal, EffectCause) and (action := mind.actions.get(fact.removal.action)) is not None:
         text = item_text(past.program, action.predicate, action.executor, action.args)
         return f"replaced by the effect of action {text}"
+    if isinstance(fact.removal, HeardCause):
+        return f"@{fact.removal.source} {'was not heard any more' if fact.removal.lost else 'told that it is gone'}"
     return "no longer sensed"
