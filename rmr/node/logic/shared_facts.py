@@ -29,6 +29,7 @@ from rmr.node.payloads import SHARED_OCTETS, SharedFrame, WireError
 from rmr.node.ports import Received
 from rmr.node.robot_state import RobotState
 from rmr.vm.provenance import HeardCause
+from rmr.vm.shared import shared_of
 
 Args = tuple[Value, ...]
 
@@ -92,6 +93,7 @@ class SharedFacts:
         self._near: Sequence[tuple[int, float]] | None = None
         self._present: dict[int, None] = {}
         """The robots of `_near`."""
+        self._gate = shared_of(state.program).gate
         self._symbols = symbols_of(state.program)
         self._widths = {index: len(state.program.predicates[index].types) for index in self._heard}
         self._rng = stream(f"{state.config.seed}/robot{state.robot}/shared") if heard else None
@@ -281,6 +283,7 @@ class SharedFacts:
         said = payloads.decode_shared(frame.payload, self._widths, self._symbols.names, self._state.digest)
         if said is None:
             return  # another program's
+        told = [(index, self._checked(frame.source, index, facts)) for index, facts in said.facts]
         if self._near is not None and frame.source not in self._present:
             return  # it was under way when its sender died
         until = NEVER if self._offered is not None else min(now, frame.stamp) + said.lasts
@@ -298,15 +301,22 @@ class SharedFacts:
         source.epoch = said.epoch
         source.number = said.number
         self._sources[frame.source] = source
-        for index, facts in said.facts:
+        for index, facts in told:
             self._replace(now, frame.source, source, index, facts, HeardCause(frame.source))
             source.until[index] = until
         self._expires = min(self._expires, until)
 
+    def _checked(self, robot: int, index: int, facts: Sequence[Args]) -> list[Args]:
+        """Return facts of `robot` as its predicate declares them. Raises WireError before any of them is taken up."""
+        try:
+            return [self._gate.fact(self._heard[index], (Robot(robot), *args))[1:] for args in facts]
+        except ValueError as error:
+            raise WireError(f"shared facts: {error}") from error
+
     def _replace(
         self, now: Instant, robot: int, source: _Source, index: int, facts: list[Args], cause: HeardCause
     ) -> None:
-        """Know from now on that `robot` holds exactly these facts of a predicate. Raises WireError."""
+        """Know from now on that `robot` holds exactly these facts of a predicate."""
         held = source.facts.get(index, [])
         source.facts[index] = facts
         if held == facts:
@@ -318,10 +328,7 @@ class SharedFacts:
                 self._machine.withdraw(now, predicate, (Robot(robot), *args), cause)
         for args in facts:
             if args not in held:
-                try:
-                    self._machine.insert(now, predicate, (Robot(robot), *args), cause)
-                except ValueError as error:
-                    raise WireError(f"shared fact: {error}") from error
+                self._machine.insert(now, predicate, (Robot(robot), *args), cause)
 
 
 def _is_newer(said: SharedFrame, source: _Source) -> bool:

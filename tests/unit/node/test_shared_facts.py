@@ -24,6 +24,16 @@ PROGRAM = """
 """
 
 
+MIXED = """
+    type shared level(robot, int).
+    type shared mood(robot, mood, float).
+    type seen(robot, robot, int).
+    type saw(robot, mood).
+    peer(R, N), level(N, L) -o seen(R, N, L).
+    peer(R, N), mood(N, M, _) -o saw(R, M).
+"""
+
+
 class Air:
     """Remembers the frames of shared facts; loses those that `loses` says."""
 
@@ -218,8 +228,40 @@ def test_values_of_another_type_are_malformed():
     frame = payloads.encode_shared(SharedFrame(7, 0, 1, seconds(3), [part]))
     with pytest.raises(WireError):
         flock.node(2).messenger.shared.received(0, Received(frame, 1, False, -50.0, 255, 0))
-    flock.wait(5)
     assert known(flock, 2) == []
+    flock.insert(1, "level", 7)
+    flock.wait(5)
+    assert known(flock, 2) == [(Robot(1), 7)], "nothing of the malformed frame is left"
+    flock.node(2).messenger.shared._expire(seconds(60))
+    assert known(flock, 2) == []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_the_octets_a_frame_is_taken_up_as_a_whole_or_counted(seed):
+    """Random octets behind the head, and good frames with a few octets changed."""
+    rng = Random(seed)
+    flock = Flock(MIXED, 2)
+    flock.insert(1, "level", 7)
+    flock.insert(1, "mood", Symbol("calm"), 1.5)
+    node = flock.node(2)
+    for number in range(1, 60):
+        part = payloads.encode_shared_part(0, [payloads.encode_values((rng.randrange(300),), {})])
+        payload = bytearray(payloads.encode_shared(SharedFrame(7, 0, number, seconds(3), [part])))
+        if rng.random() < 0.5:
+            payload[payloads.SHARED_OCTETS :] = rng.randbytes(rng.randrange(1, 40))
+        else:
+            for _ in range(rng.randrange(3)):
+                payload[rng.randrange(payloads.SHARED_OCTETS, len(payload))] = rng.randrange(256)
+        now = flock.kernel.now
+        before = node.messenger.malformed
+        held = [node.machine.held(each.predicate) for each in flock.program.ensemble]
+        node.messenger.receive(now, Received(bytes(payload), 1, False, -50.0, 255, now))
+        if node.messenger.malformed > before:
+            assert held == [node.machine.held(each.predicate) for each in flock.program.ensemble]
+        flock.wait(flock.now_s + 0.05)
+    flock.wait(flock.now_s + 10)
+    for each in flock.program.ensemble:
+        assert len(node.machine.held(each.predicate)) <= 1
 
 
 def test_another_programs_frames_and_those_of_too_many_robots_are_ignored(monkeypatch):
