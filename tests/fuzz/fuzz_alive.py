@@ -195,6 +195,7 @@ def _in_body(body: Sequence[Conjunct], predicates: Sequence[Predicate], bound: s
         slots = [arg.index for arg in each.args if isinstance(arg, Slot)]
         yield f"{where}{declared.kind.name.lower()} {each.mode.name.lower()}"
         yield from ["best is kept"] * (declared.best is not None)
+        yield from [f"{where}heard of a neighbour"] * declared.name.startswith("heard__")
         yield from [f"{where}same predicate"] * (each.predicate in seen)
         yield from [f"{where}join"] * any(slot in bound for slot in slots)
         yield from [f"{where}variable twice in an atom"] * (

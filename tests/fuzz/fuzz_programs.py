@@ -31,8 +31,10 @@ from rmr.bytecode.program import (
     Derived,
     DeriveFact,
     DeriveGoal,
+    Duty,
     Guard,
     Head,
+    HiddenPredicate,
     InitialFact,
     InitialGoal,
     Instruction,
@@ -50,6 +52,9 @@ from rmr.bytecode.program import (
 )
 from rmr.bytecode.provided import PREDICATES
 from rmr.lang.lower.goal_paths import with_leads
+
+HEARD = "heard__1"
+"""Name of the predicate of what neighbours have told of `p0`."""
 
 HOME = 1
 """The robot on which programs are tried."""
@@ -150,6 +155,8 @@ class Lively(Maker):
             for i, kind in enumerate(kinds)
         ]
         own = list(map(self.with_best, own))
+        if self.chance(0.12):  # the first one is shared: what neighbours have told of it
+            own.append(Predicate(HEARD, Kind.SENSED, (ROBOT, *own[0].types)))
         names = rng.sample(list(PREDICATES), k=int(self.chance(0.1))) + ["id"] * self.chance(0.05)
         provided = [
             Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9))
@@ -370,6 +377,11 @@ class Lively(Maker):
         predicate = self.rng.choice(derived)
         return replace(made, predicate=predicate, args=(ANY,) * len(self.bare[predicate].types))
 
+    def ensemble(self) -> tuple[HiddenPredicate, ...]:
+        """What the predicate of what neighbours have told stands for, if there is one."""
+        places = {each.name: place for place, each in enumerate(self.bare)}
+        return (HiddenPredicate(places[HEARD], Duty.HEARD, places["p0"]),) if HEARD in places else ()
+
     def program(self) -> Program:
         rng = self.rng
         self.functions()
@@ -387,5 +399,6 @@ class Lively(Maker):
             Strategy.TEXTUAL if self.chance(0.35) else Strategy.RANDOM,
             self.debug(len(rules), len(assertions)) if self.chance(0.2) else None,
             tuple(self.own),
+            self.ensemble(),
         )
         return with_leads(program) if program.goals and self.chance(0.5) else program

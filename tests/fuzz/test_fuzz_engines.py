@@ -53,6 +53,7 @@ ALIVE = [
     *(f"bound of {each}" for each in ["facts", "actions", "chains", "goals", "rotor"]),
     *(f"fold {each.name.lower()}" for each in Operator),
     *(f"folded {each}" for each in ("temporary keep", "temporary absent", "persistent read", "guard", "bind", "join")),
+    *(f"{where}heard of a neighbour" for where in ("", "inner ", "folded ")),
     *("value of a head", "conditional head", "best is kept"),
     *("comprehension", "steps", "plain head", "body of only not"),
     *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
