@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.time import NEVER, Instant, in_seconds, seconds
-from rmr.base.values import Robot, format_fact
+from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import ANY, Constant, Kind, Program
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.recorded_minds import TOPIC, program_of
 from rmr.node.robot_state import ProgramBegun
-from rmr.node.trace import goal_text, rule_text
+from rmr.node.trace import fact_text, goal_text, rule_text
 from rmr.record.growing_recording import GrowingRecording
 from rmr.record.recording import RUN_FILE, Recording, open_recording, part_files
 from rmr.vm.machine import Machine
@@ -122,10 +122,10 @@ def _facts(mind: MindIndex, now: Instant) -> Iterator[str]:
 
 
 def _sensed(mind: MindIndex, now: Instant) -> Iterator[str]:
-    for index, predicate in enumerate(mind.program.predicates):
+    for index in range(len(mind.program.predicates)):
         if is_sensed(mind.program, index):
             for fact in mind.held(index, now):
-                yield format_fact(predicate.name, (Robot(mind.robot), *fact.args))
+                yield _sensed_text(mind.program, index, Robot(mind.robot), fact.args)
 
 
 def is_sensed(program: Program, predicate: int) -> bool:
@@ -134,13 +134,22 @@ def is_sensed(program: Program, predicate: int) -> bool:
 
 
 def sensed_facts(machine: Machine) -> list[str]:
-    """Return the facts that the robot states of itself, in program syntax, sorted."""
+    """Return the facts that the robot states of itself, in program syntax, sorted.
+
+    What it has heard of its neighbours' shared facts is among them, in words.
+    """
     return sorted(
-        format_fact(predicate.name, (machine.robot, *args))
-        for index, predicate in enumerate(machine.program.predicates)
+        _sensed_text(machine.program, index, machine.robot, args)
+        for index in range(len(machine.program.predicates))
         if is_sensed(machine.program, index)
         for args in machine.each(index)
     )
+
+
+def _sensed_text(program: Program, predicate: int, robot: Robot, args: tuple[Value, ...]) -> str:
+    if any(each.predicate == predicate for each in program.ensemble):
+        return fact_text(program, predicate, robot, args)
+    return format_fact(program.predicates[predicate].name, (robot, *args))
 
 
 def _open_goals(mind: MindIndex, now: Instant) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 from rmr.base.arena import to_data
 from rmr.base.geometry import Pose
 from rmr.base.time import NEVER, NS_PER_S, Instant, in_seconds, seconds
+from rmr.bytecode.hidden_words import HEARD_ENDS
 from rmr.bytecode.program import Kind
 from rmr.radio.links import Disturbance
 from rmr.record.record_writer import RecordWriter
@@ -338,12 +339,17 @@ def robot_at(entries: Iterable[dict[str, Any]], robot: int, t: float, sensed: Co
             facts.clear()
     held = sorted(fact for fact, count in facts.items() for _ in range(count))
     return {
-        "facts": [fact for fact in held if fact.partition("(")[0] not in sensed],
-        "sensed": [fact for fact in held if fact.partition("(")[0] in sensed],
+        "facts": [fact for fact in held if not _is_sensed(fact, sensed)],
+        "sensed": [fact for fact in held if _is_sensed(fact, sensed)],
         "goals": {"achieved": achieved[-FIRED_MAX:], "open": None},
         "fired": fired[-FIRED_MAX:],
         "actions": actions[-FIRED_MAX:],
     }
+
+
+def _is_sensed(fact: str, sensed: Collection[str]) -> bool:
+    """Return whether a text is of a fact that the robot states by itself, or of what it has heard of a neighbour's."""
+    return fact.partition("(")[0] in sensed if fact.endswith(")") else fact.endswith(HEARD_ENDS)
 
 
 def _end_action(actions: list[dict[str, Any]], entry: dict[str, Any]) -> None:

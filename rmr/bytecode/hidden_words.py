@@ -56,6 +56,9 @@ MEANINGS: Final[dict[str, tuple[str, int | None]]] = {
 these belong to the protocol. The others are values of the rule, which follow in parentheses; None: they are left
 out."""
 
+HEARD_ENDS: Final = " has heard"
+"""The end of the words for what a robot has heard of a neighbour's shared fact; a fact of a program ends with `)`."""
+
 SHARED: Final = frozenset({"life", "again", "knows", "hello", "greeted", "count", "out", "turn"})
 """Meanings of predicates that all rules over several robots share."""
 
@@ -92,7 +95,7 @@ def _meaning(program: Program, hidden: HiddenPredicate, texts: Sequence[str]) ->
     if hidden.duty is Duty.ASIDE and hidden.other is not None:
         return f"{program.predicates[hidden.other].name}({', '.join([owner, *args[1:]])}) is set aside"
     if hidden.duty is Duty.HEARD and hidden.other is not None:
-        return f"{program.predicates[hidden.other].name}({', '.join(args)}), as {owner} has heard"
+        return f"{program.predicates[hidden.other].name}({', '.join(args)}), as {owner}{HEARD_ENDS}"
     if hidden.duty is Duty.RETURN and hidden.other is not None:
         return f"{program.predicates[hidden.other].name}({', '.join([owner, *args])}) returns"
     name = program.predicates[hidden.predicate].name
