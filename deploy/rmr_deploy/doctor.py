@@ -49,7 +49,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "bench": "make bench: the rivals",
     "paper": "make paper",
 }
-"""Extra -> what wants it; all but the first three are of use in a clone alone."""
+"""Extra -> what wants it; all but the first four are of use in a clone alone."""
 PROGRAMS: Final[Mapping[str, tuple[str, str]]] = {
     "cc": ("make fast", "apt-get install gcc python3-dev, or name yours in CC"),
     "chromium": ("tests of the page", "apt-get install chromium"),
@@ -114,7 +114,7 @@ def _libraries() -> Iterator[MachineCheck]:
     if find_spec("rclpy") is not None:  # of a ROS 2 installation, which pip knows nothing of
         wrong.pop("ros2", None)
     clone = (CLONE / "pyproject.toml").is_file()
-    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:3]:
+    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:4]:
         mend = f"pip install {'-e ' if clone else ''}'{'.' if clone else DISTRIBUTION}[{extra}]'"
         yield _check(extra, extra not in wrong, ", ".join(wrong.get(extra, ["all of it"])), use, mend, needed=False)
 

@@ -1,11 +1,10 @@
 """On the page what a robot has heard of its neighbours' shared facts stands among what it senses, in words."""
 
-from rmr_view.mind_twins import sensed_facts
-
 from rmr.base.streams import Choices
 from rmr.base.values import Robot
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import new_machine
+from rmr_view.followed_minds import sensed_facts
 from rmr_view.simulated_source import robot_at
 
 PROGRAM = """
