@@ -5,7 +5,7 @@ what it hears of them in (`Duty.HEARD`). This is soft state: a frame lists all f
 holds, so that the newest frame says everything and a lost one is made good by the next. Frames are broadcasts over one
 hop, and nobody acknowledges them.
 
-- *Rate.* What changes is told at once, but a robot tells changes at intervals of `CHANGE_MIN` at least, so a fact that
+- *Rate.* What changes is told at once, but a robot tells anything at intervals of `CHANGE_MIN` at least, so a fact that
   never stops changing costs a bounded part of the air. What happens in between is never told.
 - *Refreshing.* As long as a robot holds a shared fact it tells all of them again after `REFRESH`, or a little less.
 - *Age.* A frame says for how long it holds: `LOST_MAX` refreshings. What is not heard again in this time is withdrawn.
@@ -39,7 +39,7 @@ REFRESH_EACH: Final[Duration] = milliseconds(25)
 """The same for each robot in range, where there are more: all together send some 43 such frames a second, a tenth of
 the air if a frame has 45 octets of values."""
 CHANGE_MIN: Final[Duration] = milliseconds(200)
-"""Least time between two frames of one robot that tell a change, with up to 30 robots in range."""
+"""Least time between two times that a robot tells anything, with up to 30 robots in range."""
 CHANGE_EACH: Final[Duration] = milliseconds(7)
 """The same for each robot in range, where there are more."""
 LOST_MAX: Final = 4
@@ -165,7 +165,10 @@ class SharedFacts:
     def _say(self, now: Instant) -> None:
         """Tell what has changed, or everything, and plan the next time."""
         self._said_at = now
-        refreshing = now >= self._refresh_at or len(self._changed) == len(self._told)
+        crowd = self._crowd(now)
+        # What would be due before the next change may be told is told with this one.
+        soon = now + max(CHANGE_MIN, crowd * CHANGE_EACH)
+        refreshing = soon >= self._refresh_at or len(self._changed) == len(self._told)
         about = []
         for index, held in self._told.items():
             if index in self._changed:
@@ -174,7 +177,7 @@ class SharedFacts:
                 about.append(index)
                 self._recent[index] = self._recent.get(index, 0) - 1
         self._changed.clear()
-        period = max(REFRESH, self._crowd(now) * REFRESH_EACH)
+        period = max(REFRESH, crowd * REFRESH_EACH)
         for parts in self._packed(now, about):
             self._number = (self._number + 1) % NUMBERS
             frame = SharedFrame(
