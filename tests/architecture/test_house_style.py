@@ -29,7 +29,6 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.why.critical_path": "one walk back along a path, with an arm for each kind of cause",
     "rmr.why.explain": "one walk back from a fact, with an arm for each kind of cause",
     "rmr_world.schema": "the lab file, one model for each section of it",
-    "rmr_world.server": "one state of the lab that all of its messages change: who lives, what is commanded, how late",
 }
 """Modules longer than the guide, each with the reason why it is not two: cutting by arithmetic makes two that only make
 sense together."""
