@@ -116,9 +116,9 @@ def _pickled(value: object) -> bytes:
     return octets.getvalue()
 
 
-def _made(kind: type[Any], *values: object) -> Any:
+def _made(kind: Any, *values: object) -> Any:
     """Return an object of a dataclass with these fields."""
-    made = object.__new__(kind)
+    made = kind.__new__(kind)  # not `object.__new__`: the class may be compiled
     for each, value in zip(fields(kind), values, strict=True):
         object.__setattr__(made, each.name, value)
     return made
