@@ -173,3 +173,36 @@ def recording_of(compiled, folder):
     answer = subprocess.run([sys.executable, "-m", "rmr_sim.main", *words], env=env, capture_output=True, check=False)
     assert answer.returncode in (0, 1)
     return open_recording(folder)
+
+
+TASKS = """
+import json, pickle, sys
+from pathlib import Path
+from rmr_sim.lab_task import LabTask
+from rmr_sim.run_setup import Options, load
+from rmr_sim.seed_run import run_seed
+
+file = Path(sys.argv[1])
+if not file.exists():
+    task = LabTask(load(Path("deploy/labs/corridor"), Options(robots=3, chaos=True)), run_seed)
+    file.write_bytes(pickle.dumps(task))
+print(json.dumps(pickle.loads(file.read_bytes())(1).row, sort_keys=True))
+"""
+
+
+@pytest.mark.timeout(550)
+@pytest.mark.parametrize("first", ["compiled", "interpreted"])
+def test_a_lab_goes_from_process_to_process_in_both_forms(folder, tmp_path, first):
+    forms = [str(folder), ""] if first == "compiled" else ["", str(folder)]
+    rows = {
+        subprocess.run(
+            [sys.executable, "-c", TASKS, str(tmp_path / "task")],
+            env={**os.environ, "RMR_COMPILED": form},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for form in forms
+    }
+    assert len(rows) == 1
+    assert json.loads(rows.pop())["finished"]

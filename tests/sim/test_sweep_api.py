@@ -7,6 +7,7 @@ import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from threading import Event
 
 import pytest
 from test_command import LAB, tiny
@@ -87,6 +88,19 @@ def test_rows_are_those_of_the_command_octet_for_octet(tmp_path, share):
 def test_seeds_that_fail_are_named_and_seeds_may_come_in_any_order(tmp_path):
     result = rmr.sweep(tiny(tmp_path, NEVER), [7, 3])
     assert [row["seed"] for row in result.rows] == result.failing == [3, 7]
+
+
+def test_threads_take_turns(tmp_path):
+    busy = []
+
+    def perform(loaded, seed):
+        assert not busy
+        busy.append(seed)
+        Event().wait(0.01)
+        busy.clear()
+        return seed
+
+    assert in_threads(LabTask(load(tiny(tmp_path, DONE), Options()), perform), range(9)) == list(range(9))
 
 
 @pytest.mark.parametrize(
