@@ -156,6 +156,26 @@ def test_a_hunt_and_a_shard_are_those_of_one_process_and_a_deadly_seed_costs_its
         assert rows[2]["error"] == "its worker died each time"
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_campaign_of_drawn_labs_on_a_cluster_and_its_shards_have_the_rows_of_one_process(tmp_path):
+    """Workers do not have the modules of tests/score."""
+    script = [sys.executable, str(ROOT / "tests" / "score" / "score_campaign.py"), "3", "4", "--out"]
+    with Cluster(tmp_path / "cluster") as cluster:
+        cluster.work()
+        parts = {"all": ["--on", cluster.address], "1": ["--shard", "1/2"], "2": ["--shard", "2/2"], "alone": []}
+        for name, words in parts.items():
+            command = [*script, str(tmp_path / name), *words, *([] if name == "all" else ["--jobs", "1"])]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+    found = {}
+    for name in parts:
+        rows = [json.loads(line) for line in (tmp_path / name / "rows.jsonl").read_text().splitlines()]
+        found[name] = sorted(json.dumps(row | {"cost": None}, sort_keys=True) for row in rows)
+    assert len(found["alone"]) == 2
+    assert found["all"] == found["alone"] == sorted(found["1"] + found["2"])
+
+
 @pytest.mark.timeout(300)
 def test_a_worker_of_another_rmr_is_refused_before_the_first_seed_and_one_that_joins_later_too(tmp_path):
     other = tmp_path / "other"

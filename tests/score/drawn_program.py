@@ -7,13 +7,13 @@ drive without a way is tried again, so that a run that does not finish is no fau
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from random import Random
 from typing import Any, Final
 
 from drawn_floor import Floor, Shape, places
 
 from rmr.base.geometry import Point, distance
+from rmr_world.provided_labs import labs_folder
 
 DETOUR: Final = 1.3
 """Length of a drive over that of the straight line, as deadlines are drawn."""
@@ -21,7 +21,6 @@ WAIT_S: Final = (1.0, 6.0)
 """Range of the time that a robot spends at a place."""
 FACTORS: Final = {"loose": (4.0, 8.0), "fair": (2.0, 4.0), "tight": (1.1, 2.0)}
 """Range of a deadline over the time of the robot's drives and waits alone."""
-FORMATION: Final = Path(__file__).parents[2] / "deploy" / "labs" / "formation" / "formation.rmr"
 PACE: Final = "const pace = 0.18."
 
 HEAD = """\
@@ -223,7 +222,7 @@ def _formation(scene: Scene) -> Work:
     """The program of the lab `formation`, with one to three drawn shapes."""
     count, speed = len(scene.starts), scene.shape.speed
     pace = f"const pace = {round(0.9 * speed, 3)}."
-    text = FORMATION.read_text(encoding="utf-8")
+    text = (labs_folder() / "formation" / "formation.rmr").read_text(encoding="utf-8")
     assert text.count(PACE) == 1, "the program of the lab formation has its pace in one line"
     shapes = scene.rng.randint(1, 3)
     work = Work(text.replace(PACE, pace), f"standing(R, {shapes})", [], shapes)

@@ -1,10 +1,13 @@
 """Thousands of drawn labs in worker processes: those that fail, each with the command that repeats it.
 
-    python tests/score/score_campaign.py FIRST LAST [--chaos] [--jobs N] [--out FOLDER] [--resume]
+    python tests/score/score_campaign.py FIRST LAST [--chaos] [--jobs N | --on tcp://HOST:PORT] [--shard K/N]
+        [--out FOLDER] [--resume]
 
 A row for each lab goes into FOLDER/rows.jsonl (build/score-campaign) as soon as its run is over, so that `--resume`
-goes on where a campaign ended. Exit code 1 if any lab failed: did not finish, touched, violated a rule, or broke
-down. A lab that is refused before its run has not failed, and a missed deadline is no failure.
+goes on where a campaign ended. Several machines share a campaign as they share a sweep (docs/sweeps.md): as a Dask
+cluster, whose workers need no file of this folder, or by shards, whose files of rows `cat` puts together. Exit code 1
+if any lab failed: did not finish, touched, violated a rule, or broke down. A lab that is refused before its run has not
+failed, and a missed deadline is no failure.
 
 What fails is kept, with its cause, in kept_drawn.toml.
 """
@@ -15,17 +18,21 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from drawn_lab import ROOT
 from score_run import drawn_entry, taken
 
-from rmr_sim.interruption import Interruption
+from rmr_sim.arguments import shard_in
+from rmr_sim.interruption import Interruption, PoolError
 from rmr_sim.seed_run import Row
-from rmr_sim.worker_pool import WorkerPool
+from rmr_sim.worker_pool import pool_of
 
+OWN_MODULES: Final = ("drawn_floor", "drawn_lab", "drawn_program", "score_run")
 ROWS: Final = "rows.jsonl"
 
 
@@ -89,8 +96,20 @@ def _lost(seed: int, reason: str) -> Row:
     }
 
 
-def campaign(seeds: Iterable[int], folder: Path, jobs: int, *, chaos: bool, resume: bool) -> list[Row]:
-    """Run all seeds that `folder` has no row of; print failures as they come; return all rows."""
+def _travel() -> None:
+    """Let the modules of this folder, which a cluster's workers do not have, go there with what is called."""
+    cloudpickle: Any = import_module("cloudpickle")
+    for name in (*OWN_MODULES, __name__):
+        cloudpickle.register_pickle_by_value(sys.modules[name])
+
+
+def campaign(
+    seeds: Iterable[int], folder: Path, jobs: int, *, chaos: bool, resume: bool, on: str | None = None
+) -> list[Row]:
+    """Run all seeds that `folder` has no row of; print failures as they come; return all rows. Raises PoolError."""
+    if on is not None:
+        with suppress(ModuleNotFoundError):  # that is said when the cluster is connected
+            _travel()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = list(seeds)
     rows = [row for row in kept_rows(folder) if row["seed"] in set(wanted)] if resume else []
@@ -100,7 +119,7 @@ def campaign(seeds: Iterable[int], folder: Path, jobs: int, *, chaos: bool, resu
         file.writelines(f"{json.dumps(row)}\n" for row in rows)
     with (
         Interruption() as interruption,
-        WorkerPool(max(1, min(jobs, len(left))), partial(_take, chaos=chaos), _lost) as pool,
+        pool_of(max(1, min(jobs, len(left))), on, partial(_take, chaos=chaos), _lost) as pool,
     ):
         for _, row in pool.outcomes(left, interruption):
             rows.append(row)
@@ -119,6 +138,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)"
     )
+    parser.add_argument("--on", metavar="tcp://HOST:PORT", help="a Dask cluster, in place of processes")
+    parser.add_argument("--shard", metavar="K/N", help="of the seeds the K-th and each N-th after it")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: build/score-campaign, or ...-chaos")
     parser.add_argument("--resume", action="store_true", help="go on with the campaign in the folder")
     options = parser.parse_args()
@@ -126,6 +147,12 @@ def _arguments() -> argparse.Namespace:
         parser.error("FIRST and LAST are seeds from 0, FIRST not greater than LAST")
     if options.jobs < 1:
         parser.error("--jobs takes a number from 1")
+    options.seeds = range(options.first, options.last + 1)
+    if options.shard is not None:
+        try:
+            options.seeds = shard_in(options.shard).seeds(options.seeds)
+        except ValueError as error:
+            parser.error(f"--shard: {error}")
     return options
 
 
@@ -133,9 +160,11 @@ def main() -> int:
     """Run a campaign; return the exit code."""
     options = _arguments()
     folder: Path = options.out or ROOT / "build" / f"score-campaign{'-chaos' if options.chaos else ''}"
-    seeds = range(options.first, options.last + 1)
     try:
-        rows = campaign(seeds, folder, options.jobs, chaos=options.chaos, resume=options.resume)
+        rows = campaign(options.seeds, folder, options.jobs, chaos=options.chaos, resume=options.resume, on=options.on)
+    except PoolError as error:
+        print(error, file=sys.stderr)
+        return 1
     except OSError as error:
         print(f"{error.filename or folder}: {error.strerror}", file=sys.stderr)
         return 2

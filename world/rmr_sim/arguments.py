@@ -45,7 +45,7 @@ def declare(parser: Parser) -> None:
     parser.option("--seed", read=whole(), metavar="S", help="instead of the lab file's seed")
     parser.option("--seeds", read=_seeds, metavar="A-B", help="a sweep: a run of each seed, and their summary")
     parser.option(
-        "--shard", read=_shard, metavar="K/N", help="of a sweep the K-th of N shards: each N-th seed from the K-th"
+        "--shard", read=shard_in, metavar="K/N", help="of a sweep the K-th of N shards: each N-th seed from the K-th"
     )
     parser.option("--resume", read=Path, metavar="RUN", help="go on with the sweep in this run folder")
     parser.option(
@@ -209,7 +209,8 @@ class Shard(NamedTuple):
         return f"{self.number}/{self.of}"
 
 
-def _shard(text: str) -> Shard:
+def shard_in(text: str) -> Shard:
+    """Return the shard that K/N names. Raises ValueError."""
     match = re.fullmatch(f"({WHOLE})/({WHOLE})", text)
     shard = None if match is None else Shard(int(match[1]), int(match[2]))
     if shard is None or not 1 <= shard.number <= shard.of <= SEEDS_MAX:
