@@ -115,3 +115,70 @@ def test_robots_that_are_not_there_are_named_with_what_to_do_before_the_lab_begi
     assert code == 1
     assert "robot 4: nobody publishes /other/odom (nav_msgs/msg/Odometry): start the robot, or correct" in said
     assert "; of its type are /tb3_4/odom" in said
+
+
+@pytest.mark.timeout(400)
+def test_three_simulated_and_three_robots_of_ros_2_pass_the_corridor_together(tmp_path, robots):
+    fleet = robots(EXAMPLES / "mixed.yaml")
+    code, report, said = up(EXAMPLES / "mixed.yaml", tmp_path)
+    truth = fleet.end()
+    assert code == 0, said
+    assert truth["poses"].keys() == report["ros2"].keys() == {"4", "5", "6"}
+    assert (truth["contacts"], report["collisions"]) == ([], 0)
+    assert report["deadlines"]["met"] == 6
+
+
+def test_a_robot_that_gets_no_pose_for_five_seconds_stands_and_goes_on(tmp_path, robots):
+    fleet = robots(EXAMPLES / "metre.yaml", "--lose", "4:1.5:6.5")
+    code, report, said = up(EXAMPLES / "metre.yaml", tmp_path)
+    truth = fleet.end()
+    assert code == 0, said
+    assert report["robots"]["4"]["estimates_dropped"] == 1
+    stood = truth["stopped"]["4"][0] - truth["set_out"]["4"]
+    assert 2.0 < stood < 4.5, "a second after the last pose, which came up to 0.2 s before"
+    assert report["robots"]["4"]["finish_s"] > 6.5
+    logged = (tmp_path / "run" / "logs" / "world.jsonl").read_text()
+    assert "robot 4: no pose on /tb3_4/amcl_pose agrees: it stands" in logged
+    assert "robot 4: located at (" in logged
+
+
+def test_a_robot_that_is_carried_off_stands_until_it_is_located_and_drives_from_there(tmp_path, robots):
+    fleet = robots(EXAMPLES / "metre.yaml", "--kidnap", "4:2:0.4:0.9:2.5")
+    code, report, said = up(EXAMPLES / "metre.yaml", tmp_path)
+    truth = fleet.end()
+    assert code == 0, said
+    assert report["robots"]["4"]["estimates_dropped"] >= 1
+    assert truth["contacts"] == []
+    x, y, _ = truth["poses"]["4"]
+    assert abs(x - 1.6) < 0.08
+    assert abs(y - 0.6) < 0.08
+
+
+@pytest.mark.parametrize(
+    ("process", "number", "options"),
+    [
+        ("robot-4", signal.SIGSTOP, ("--silence", "60")),
+        ("robot-4", signal.SIGKILL, ("--silence", "60")),
+        ("world", signal.SIGTERM, ("--silence", "60")),
+        ("world", signal.SIGKILL, ()),
+    ],
+    ids=["its mind stalls", "its mind dies", "the world ends", "the world is killed"],
+)
+def test_a_robot_stops_by_the_word_of_the_bridge_and_by_itself_where_that_is_killed(
+    tmp_path, robots, process, number, options
+):
+    """A robot with a patience of 60 s stops since the bridge says zero."""
+    fleet = robots(EXAMPLES / "metre.yaml", *options)
+    run = tmp_path / "run"
+    command = [sys.executable, "-m", "rmr", "up", EXAMPLES / "metre.yaml", "--run", run]
+    with subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as launcher:
+        eventually(lambda: fleet.now().get("set_out"))
+        victim = json.loads((run / "processes.json").read_text())["processes"][process]
+        os.kill(victim, number)
+        eventually(lambda: fleet.now()["speeds"]["4"] == [0.0, 0.0])
+        truth = fleet.now()
+        launcher.send_signal(signal.SIGINT)
+        os.kill(victim, signal.SIGCONT) if number == signal.SIGSTOP else None
+        launcher.wait(60)
+    assert truth["stopped"]["4"]
+    assert truth["poses"]["4"][0] < 1.55, "it was on its way"

@@ -56,7 +56,8 @@ def position_warnings(robot: str, part: Mapping[str, Any]) -> Iterator[str]:
         yield f"robot {robot} was mistaken about its position: at the end its estimate was {off_m:.2f} m off"
     if dropped := part.get("estimates_dropped"):
         times = "once" if dropped == 1 else f"{dropped} times"
-        yield f"robot {robot} dropped its estimate of its position {times}: ranges contradicted it; it stood meanwhile"
+        why = "ranges or fixes contradicted it, or none came"
+        yield f"robot {robot} dropped its estimate of its position {times}: {why}; it stood meanwhile"
     if refused := part.get("samples_refused"):
         yield f"robot {robot} dropped {refused} samples that no body can produce after the ones before"
 

@@ -45,8 +45,6 @@ GRIP = 0.9
 """Coefficient of friction of the wheels: what they drive beyond it slips."""
 PUSH = 2.5
 """Greatest acceleration of the drive, m/s^2."""
-SILENCE_S = 0.2
-"""A robot that is sent nothing for so long brakes by itself."""
 
 
 def model_of(arena: Arena, starts: dict[int, tuple[float, float, float]]) -> mujoco.MjModel:
@@ -114,8 +112,10 @@ class Drive:
         self.turns = [0.0, 0.0]
         self.place = [0.0, 0.0, 0.0]
         """By odometry, which begins at its start."""
-        self.stopped_at = -1.0
-        """When the wheels were last told zero."""
+        self.set_out_at = math.inf
+        """When it was first to move."""
+        self.stopped: list[float] = []
+        """When it was told to stop, or stopped by itself, each time."""
         self.odometry = node.create_publisher(Odometry, body.odom, qos_profile_sensor_data)
         self.poses = node.create_publisher(PoseWithCovarianceStamped, body.pose, 10)
         kind = TwistStamped if fleet.options.stamped else TwistMessage
@@ -128,16 +128,29 @@ class Drive:
         twist = message.twist if isinstance(message, TwistStamped) else message
         self.wanted = (twist.linear.x, twist.angular.z)
         self.heard_at = self.fleet.now
-        if self.wanted == (0.0, 0.0):
-            self.stopped_at = self.fleet.now
+        if self.wanted != (0.0, 0.0):
+            self.set_out_at = min(self.set_out_at, self.fleet.now)
+
+    @property
+    def since(self) -> float:
+        """Seconds since it was first to move; negative before."""
+        return self.fleet.now - self.set_out_at
+
+    def carry_off(self, x: float, y: float, theta: float) -> None:
+        """Pick it up and put it down elsewhere."""
+        height = self.fleet.data.qpos[self.at + 2]
+        turned = [math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)]
+        self.fleet.data.qpos[self.at : self.at + 7] = [x, y, height, *turned]
 
     def drive(self, now: float) -> None:
         """Set the speeds of the wheels for the next step."""
-        v, w = self.wanted if now - self.heard_at < SILENCE_S else (0.0, 0.0)
+        v, w = self.wanted if now - self.heard_at < self.fleet.options.silence else (0.0, 0.0)
         most = PUSH * STEP_S
         turn = 4.0 * most / self.fleet.arena.shape.radius
         v = max(self.given[0] - most, min(self.given[0] + most, v))
         w = max(self.given[1] - turn, min(self.given[1] + turn, w))
+        if self.given != (0.0, 0.0) == (v, w):
+            self.stopped.append(round(self.fleet.now, 3))
         self.given = (v, w)
         half = 0.5 * self.fleet.track * w
         slip = self.fleet.options.slip
@@ -172,6 +185,8 @@ class Drive:
     def say_pose(self) -> None:
         """Publish where it is, as badly as a localisation knows."""
         options, draw = self.fleet.options, self.fleet.chance.gauss
+        if any(robot == self.body.robot and begin <= self.since < end for robot, begin, end in options.lose):
+            return
         x, y, theta = self.true
         message = PoseWithCovarianceStamped()
         message.header.stamp = self.fleet.node.get_clock().now().to_msg()
@@ -230,12 +245,19 @@ class Fleet:
         touching = set(self.touches())
         self.contacts += [(round(self.now, 3), *pair) for pair in sorted(touching - self.touching)]
         self.touching = touching
+        for carried in [each for each in self.options.kidnap if self.drive_of(each[0]).since >= each[1]]:
+            self.options.kidnap.remove(carried)
+            self.drive_of(carried[0]).carry_off(*carried[2:])
         ticks = round(self.now / STEP_S)
         for k, drive in enumerate(self.drives):
             if (ticks + k) % round(ODOMETRY_S / STEP_S) == 0:
                 drive.say_odometry()
             if (ticks + 7 * k) % round(POSE_S / STEP_S) == 0:
                 drive.say_pose()
+
+    def drive_of(self, robot: float) -> Drive:
+        """Return the drive of a robot."""
+        return next(drive for drive in self.drives if drive.body.robot == robot)
 
     def touches(self) -> Iterator[tuple[str, str]]:
         """Yield the pairs of which one is the hull of a robot; a hull never touches the floor."""
@@ -256,7 +278,21 @@ class Fleet:
             "contacts": self.contacts[:100],
             "poses": {drive.body.robot: [round(value, 4) for value in drive.true] for drive in self.drives},
             "speeds": {drive.body.robot: list(drive.given) for drive in self.drives},
+            "stopped": {drive.body.robot: drive.stopped for drive in self.drives},
+            "set_out": {drive.body.robot: drive.set_out_at for drive in self.drives if drive.since > 0.0},
         }
+
+
+def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    """Return what reads so many numbers with colons between them."""
+
+    def read(text: str) -> tuple[float, ...]:
+        found = tuple(map(float, text.split(":")))
+        if len(found) != count:
+            raise ValueError
+        return found
+
+    return read
 
 
 def main() -> None:
@@ -264,11 +300,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Robots of ROS 2 over MuJoCo, on the floor of a lab.")
     parser.add_argument("lab", type=Path)
     parser.add_argument("--robots", type=listed, help="these alone: 1-3; several processes may share a lab")
-    parser.add_argument("--report", type=Path, help="write contacts and poses there, once a second and at the end")
+    parser.add_argument("--report", type=Path, help="write contacts and poses there, twice a second and at the end")
     parser.add_argument("--noise", type=float, default=0.02, help="of a pose, metres (0.02)")
     parser.add_argument("--latency", type=float, default=0.03, help="of each message, seconds (0.03)")
     parser.add_argument("--loss", type=float, default=0.02, help="share of messages lost (0.02)")
     parser.add_argument("--slip", type=float, default=0.02, help="noise of a wheel's speed, as a share of it (0.02)")
+    parser.add_argument("--silence", type=float, default=0.2, help="it brakes when nothing comes for so long (0.2 s)")
+    more = {"action": "append", "default": []}
+    parser.add_argument("--lose", type=numbers(3), help="ROBOT:FROM:TO: no poses, in seconds since it set out", **more)
+    parser.add_argument("--kidnap", type=numbers(5), help="ROBOT:AT:X:Y:THETA: put it there, likewise", **more)
     parser.add_argument("--stamped", action="store_true", help="take TwistStamped in place of Twist")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
@@ -285,6 +325,7 @@ def main() -> None:
     executor.add_node(fleet.node)
     print(f"{len(bodies)} robots", flush=True)
     begun = time.monotonic()
+    written = 0.0
     while not ended:
         behind = time.monotonic() - begun - fleet.now
         if behind > 0.2:  # a machine that was held up: the physics does not hurry after it
@@ -292,7 +333,8 @@ def main() -> None:
         for _ in range(round(0.1 / STEP_S)):
             if time.monotonic() - begun > fleet.now:
                 fleet.step()
-        if options.report is not None and int(fleet.now) != int(fleet.now - STEP_S):
+        if options.report is not None and fleet.now >= written + 0.5:
+            written = fleet.now
             write(options.report, fleet.report())
         executor.spin_once(timeout_sec=max(0.0, fleet.now - (time.monotonic() - begun)))
     if options.report is not None:
