@@ -41,7 +41,7 @@ from rmr.why.delay import OWNER_OF, Delay, Interval, PathAction, TimeOwner, cut_
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, PastDelivery, PastFact, PastSend, TurnGate
 from rmr.why.radio_time import Attempts, radio_time
-from rmr.why.robot_history import RobotHistory, failure_broadcast, next_supplier, on_its_way, shared_fact
+from rmr.why.robot_history import RobotHistory, failure_broadcast, next_supplier, on_its_way, told_of
 from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
@@ -200,20 +200,10 @@ class CriticalPath:
         self._cover(at, TimeOwner.RULE, robot, (), f"after {text}")
         if isinstance(cause, SensedCause):
             return self._sensed(mind, fact, at, place)
-        if isinstance(cause, HeardCause):
-            return self._heard(robot, fact, cause, gone=gone)
+        if isinstance(cause, HeardCause) and (told := told_of(self._histories.get(cause.source), fact, gone=gone)):
+            self._cover(told[1].until if gone else told[1].at, TimeOwner.OUTSIDE, robot, (cause.source,), text)
+            return partial(self._change, *told, gone=gone)
         return self._because(mind, cause, place, text)
-
-    def _heard(self, robot: int, fact: PastFact, cause: HeardCause, *, gone: bool) -> Step | None:
-        """From what a neighbour has told of its shared facts to what it did."""
-        text = self._text(robot, fact)
-        history = self._histories.get(cause.source)
-        told = None if history is None or cause.lost else shared_fact(history.minds, fact)
-        if told is None or (gone and told[1].until > fact.until):
-            return self._outside(robot, text, (cause.source,))
-        mind, known = told
-        self._cover(known.until if gone else known.at, TimeOwner.OUTSIDE, robot, (cause.source,), f"until {text}")
-        return partial(self._change, mind, known, gone=gone)
 
     def _because(self, mind: MindIndex, cause: Cause, place: int, what: str) -> Step | None:
         """From something that happened at a place among the records to its cause."""
@@ -265,11 +255,9 @@ class CriticalPath:
         name = self._program.predicates[fact.predicate].name
         if name == "turn":
             return self._turn(mind, fact)
-        source = fact.args[0] if name == "failed" else None
-        if isinstance(source, Robot) and source in self._histories:
-            broadcast = failure_broadcast(self._histories[source].minds, fact)
-            if broadcast is not None:
-                return partial(self._action, *broadcast)
+        known = self._histories.get(fact.args[0]) if name == "failed" and isinstance(fact.args[0], Robot) else None
+        if known is not None and (broadcast := failure_broadcast(known.minds, fact)) is not None:
+            return partial(self._action, *broadcast)
         for action in reversed(mind.own_actions):
             begun = action.begun if action.predicate in mind.wheels and action.place < place else None
             if begun is not None and begun <= at <= mind.ended(action):

@@ -9,10 +9,9 @@ what the action does.
 from typing import Final, NamedTuple
 
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Atom, Bind, Duty, Fold, Kind, Mode, Program, Rule, Slot
+from rmr.bytecode.program import Atom, Bind, Kind, Mode, Program, Rule, Slot
 from rmr.vm.derive import DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.match import pattern_agrees
 from rmr.vm.provenance import (
     Cause,
     DeliveredCause,
@@ -269,7 +268,7 @@ class Explainer:
         for serial in inner:
             role = "consumed" if serial in consumed else "kept" if self._linear(mind, serial) else "read"
             premises.append(Premise(mind, mind.facts[serial], role))
-        premises += [Premise(mind, fact, "read") for fact in self._heard_within(mind, record, rule)]
+        premises += [Premise(mind, fact, "read") for fact in mind.heard_within(record)]
         firing = self.firing(mind, record, rule)
         words = f"by {rule_name(self._program, record.rule)}"
         if firing.conditions:
@@ -278,21 +277,6 @@ class Explainer:
             distance = _distance(firing.rank or 0)
             words += f", for the goal {', '.join(firing.goals)}{distance}"
         return Because("rule", words, premises, firing)
-
-    def _heard_within(self, mind: MindIndex, record: FiringRecord, rule: Rule) -> list[PastFact]:
-        """Return what neighbours had told that the aggregates of a rule's body have taken up."""
-        heard = [each.predicate for each in self._program.ensemble if each.duty is Duty.HEARD]
-        found: dict[int, PastFact] = {}
-        for fold in rule.body if heard else ():
-            for atom in fold.body if isinstance(fold, Fold) else ():
-                if isinstance(atom, Atom) and atom.predicate in heard and atom.mode is not Mode.ABSENT:
-                    # What the aggregate has bound itself may differ from match to match.
-                    own = fold.slots if isinstance(fold, Fold) else ()
-                    known = [None if slot in own else value for slot, value in enumerate(record.bindings)]
-                    for fact in mind.held_before(atom.predicate, record.number):
-                        if pattern_agrees(atom.args, fact.args, tuple(known)):
-                            found[fact.serial] = fact
-        return list(found.values())
 
     def _linear(self, mind: MindIndex, serial: int) -> bool:
         return self._program.predicates[mind.facts[serial].predicate].kind is Kind.TEMPORARY

@@ -7,8 +7,8 @@ the node of a replay.
 from collections import defaultdict
 
 from rmr.base.time import NEVER, Instant
-from rmr.bytecode.heads import inner
-from rmr.bytecode.program import ANY, Atom, Constant, Mode, Pattern, Program
+from rmr.bytecode.heads import folds, inner
+from rmr.bytecode.program import ANY, Atom, Constant, Duty, Mode, Pattern, Program
 from rmr.coord.events import ScheduleChanged, SlotAssigned
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionHeld
@@ -30,6 +30,7 @@ from rmr.vm.machine_events import (
     JobMissed,
     JobStarted,
 )
+from rmr.vm.match import pattern_agrees
 from rmr.vm.provenance import (
     OUTSIDE,
     SENSED,
@@ -167,6 +168,19 @@ class MindIndex:
         """Return the facts of `predicate` that held just before a firing, oldest first."""
         place = self.firing_places[firing]
         return [fact for fact in self.by_predicate[predicate] if fact.place < place < fact.removed_place]
+
+    def heard_within(self, firing: FiringRecord) -> list[PastFact]:
+        """Return what neighbours had told that the aggregates in the body of a firing's rule have taken up."""
+        heard = [each.predicate for each in self.program.ensemble if each.duty is Duty.HEARD]
+        found: dict[int, PastFact] = {}
+        for fold in folds(self.program.rules[firing.rule].body) if heard else ():
+            # What the aggregate has bound itself may differ from match to match.
+            known = tuple([None if slot in fold.slots else value for slot, value in enumerate(firing.bindings)])
+            for atom in fold.body:
+                if isinstance(atom, Atom) and atom.predicate in heard and atom.mode is not Mode.ABSENT:
+                    facts = self.held_before(atom.predicate, firing.number)
+                    found.update((fact.serial, fact) for fact in facts if pattern_agrees(atom.args, fact.args, known))
+        return list(found.values())
 
     def take(self, record: ProvenanceRecord) -> None:
         """Take in the next record."""

@@ -163,3 +163,9 @@ def shared_fact(minds: Sequence[MindIndex], heard: PastFact) -> tuple[MindIndex,
             if fact.at <= heard.at and fact.args == heard.args[1:]:
                 return mind, fact
     return None
+
+
+def told_of(history: RobotHistory | None, heard: PastFact, *, gone: bool = False) -> tuple[MindIndex, PastFact] | None:
+    """Return the fact of a neighbour of which a robot had `heard`, or, `gone`, been told that it is no more."""
+    told = None if history is None else shared_fact(history.minds, heard)
+    return None if told is None or (gone and told[1].until > heard.until) else told

@@ -139,3 +139,12 @@ def test_a_robot_that_has_changed_its_program_is_not_dead_from_then_on(tmp_path)
     assert "dead" not in dict(found)
     answer = invoke(why_command(), [str(tmp_path / "run"), "--missed", "--json"], name="rmr why")
     assert "robot 1 changed its program at 6" in json.loads(answer.stdout)["problems"][0]
+
+
+def test_what_a_neighbour_has_told_leads_to_what_it_did(tmp_path):
+    program = """type shared level(robot, int). type action wait(R: robot, S: float) -o rested(R).
+start(@2). go(@1). job: watch(start(R), done(R), 1, broadcast(R)).
+go(R) -o wait(R, 2.0). rested(R) -o level(R, 5). start(R), neighbor(R, B), level(B, 5) -o done(R)."""
+    found = owners(tmp_path, program)
+    assert found[0] == ("action", "robot 1: wait(@1, 2.0)"), found
+    assert {owner for owner, _ in found} == {"action", "outside"}
