@@ -25,6 +25,7 @@ from rmr.bytecode.program import (
     Derived,
     DeriveFact,
     DeriveGoal,
+    Duty,
     Guard,
     Head,
     HeadValue,
@@ -72,6 +73,8 @@ def obstacles(program: Program, given: Sequence[InitialFact] = ()) -> list[Obsta
 
     `given` are the facts that robots get beside the stated ones.
     """
+    if program.ensemble and all(each.duty is Duty.HEARD for each in program.ensemble):
+        return [Obstacle("a rule reads shared facts of neighbours, of which columns do not hear")]
     if program.ensemble:
         return [Obstacle("a rule reads facts of several robots, which columns do not join")]
     found = list(_Survey(program).obstacles())

@@ -1,7 +1,11 @@
 """Shared facts in the simulator: a gradient heals when a robot dies, moves or comes, at loss 0 and 0.2."""
 
+from textwrap import dedent
+
 import pytest
 from lab_maker import small_lab
+
+from rmr_sim.run_setup import prepare
 
 GRADIENT = """
     type shared hops(robot, int).
@@ -65,3 +69,36 @@ def test_when_the_source_dies_nobody_counts_beyond_the_bound(tmp_path):
     run = small_lab(tmp_path, GRADIENT, robots=5, faults=ring("{at: 10s, kill: 1}"), loss=0.2, duration="30s")
     run.run()
     assert hops(run)[1:] == [12, 12, 12, 12]
+
+
+FLOOR = """
+lab: moves
+program: moves.rmr
+seed: 1
+duration: {duration}
+arena: {{size: [7.0, 1.5], cell: 0.05}}
+robots:
+  - {{id: 1, pose: [0.5, 0.4, 0deg]}}
+  - {{id: 2, pose: [2.0, 0.4, 0deg]}}
+  - {{id: 3, pose: [3.5, 0.4, 0deg]}}
+  - {{id: 4, pose: [5.0, 0.4, 0deg]}}
+  - {{id: 5, pose: [0.5, 1.0, 0deg]}}
+radio: {{loss: {loss}, tx_power_dbm: -30}}
+localisation: {{beacons: [[0, 0], [7, 0], [0, 1.5], [7, 1.5]], rate: 10, sigma: 0.005}}
+"""
+"""Robots 1 to 4 hear those beside them: the radio reaches for 1.9 m. Robot 5 drives along them."""
+DRIVES = """
+    type action goto(robot, float, float).
+    go(@5).
+    go(R) -o goto(R, 6.2, 1.0).
+"""
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_robot_that_drives_along_the_others_has_their_distances_one_after_the_other(tmp_path, loss):
+    (tmp_path / "moves.rmr").write_text(dedent(GRADIENT + DRIVES))
+    for duration, expected in {"3s": [0, 1, 2, 3, 1], "40s": [0, 1, 2, 3, 4]}.items():
+        (tmp_path / "lab.yaml").write_text(FLOOR.format(duration=duration, loss=loss))
+        run = prepare(tmp_path, seed=1)
+        run.run()
+        assert hops(run) == expected

@@ -219,3 +219,14 @@ def test_programs_with_rules_over_several_robots_are_refused(tmp_path):
     assert not entry["switched"]
     assert "the new program has rules over several robots" in entry["robots"]["3"]["problem"]
     assert simulation.switches == []
+
+
+def test_a_program_that_reads_shared_facts_is_loaded_and_hears_of_them(tmp_path):
+    """What is heard of neighbours is known by the rules of one program, and heard anew under the next one."""
+    shared = NEW + "type shared level(robot, int).\ntype seen(robot, robot, int).\nlevel(@2, 5).\nlevel(@3, 6).\n"
+    shared += "next(R, S), level(S, L) -o seen(R, S, L).\n"
+    simulation, report = run(lab_in(tmp_path, new=shared, loss=0.2))
+    [entry] = report["loads"]
+    assert entry["switched"]
+    for robot, told in ((1, "seen(@1, @2, 5)"), (2, "seen(@2, @3, 6)")):
+        assert told in simulation.robots[robot - 1].node.machine.facts()

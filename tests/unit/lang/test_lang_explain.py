@@ -34,6 +34,7 @@ PROGRAMS = [
     ROOT / "tests" / "programs" / "figure4.rmr",
     HERE / "ensemble.rmr",
     HERE / "jobs.rmr",
+    HERE / "shared.rmr",
     HERE / "team.rmr",
 ]
 
