@@ -26,8 +26,6 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.vm.machine": "what both engines share: one state and the orders that change it",
     "rmr.vm.goal_ways": "one state: steps of the graph, found backwards and kept up to date fact by fact",
     "rmr_world.server": "one process: what it is asked, what it steps and what it tells share one state and one clock",
-    "rmr.why.critical_path": "one walk back along a path, with an arm for each kind of cause",
-    "rmr.why.explain": "one walk back from a fact, with an arm for each kind of cause",
     "rmr_world.schema": "the lab file, one model for each section of it",
 }
 """Modules longer than the guide, each with the reason why it is not two: cutting by arithmetic makes two that only make

@@ -100,8 +100,9 @@ def test_the_cluster_of_the_page_leaves_what_one_machine_leaves(tmp_path, alone)
             start_new_session=True,
         )
         try:
-            code = shell.wait(timeout=120)
+            code = shell.wait(timeout=600)
         finally:
             os.killpg(shell.pid, signal.SIGKILL)
+            shell.wait()
     assert code == 0, (tmp_path / "log").read_text()
     assert files_in(tmp_path / "cluster") == alone

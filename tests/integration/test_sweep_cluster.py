@@ -109,7 +109,7 @@ def test_a_worker_and_then_the_scheduler_are_killed_and_rows_are_those_of_one_pr
         eventually(lambda: rows_in(run) >= 3)
         assert cluster.workers[0].poll() == -signal.SIGKILL
         cluster.scheduler.kill()
-        _, err = sweep.communicate(timeout=120)
+        _, err = sweep.communicate(timeout=600)
         assert sweep.returncode == 1, err
         assert "Traceback" not in err
         over = rows_in(run)
@@ -121,7 +121,7 @@ def test_a_worker_and_then_the_scheduler_are_killed_and_rows_are_those_of_one_pr
     with Cluster(tmp_path / "another") as cluster:
         cluster.work()
         sweep = begun(*options, "--on", cluster.address, "--resume", str(run))
-        _, err = sweep.communicate(timeout=120)
+        _, err = sweep.communicate(timeout=600)
         assert sweep.returncode == 0, err
         assert f"resuming: {over} of 10 runs are over\n" in err
     alone = begun(*options, "--jobs", "1", "--run", str(wanted))
@@ -140,10 +140,10 @@ def test_a_hunt_and_a_shard_are_those_of_one_process_and_a_deadly_seed_costs_its
         for name, options in {"hunt": ("--hunt", "--runs", "9", "--seed", "1"), "shard": ("--seeds", "1-5")}.items():
             words = [*options, *(("--shard", "2/2") if name == "shard" else ())]
             there = begun(*words, "--on", cluster.address, "--run", str(tmp_path / name))
-            out, err = there.communicate(timeout=120)
+            out, err = there.communicate(timeout=600)
             here = begun(*words, "--jobs", "1", "--run", str(tmp_path / f"{name}-alone"))
             assert (
-                out.replace(name, f"{name}-alone").splitlines()[:2] == here.communicate(timeout=120)[0].splitlines()[:2]
+                out.replace(name, f"{name}-alone").splitlines()[:2] == here.communicate(timeout=600)[0].splitlines()[:2]
             )
             assert there.returncode == here.returncode, err
             assert files_in(tmp_path / name) == files_in(tmp_path / f"{name}-alone")
@@ -191,14 +191,14 @@ def test_a_worker_of_another_rmr_is_refused_before_the_first_seed_and_one_that_j
         sweep = begun("--seeds", "1-40", "--on", cluster.address, "--run", str(tmp_path / "late"))
         eventually(lambda: rows_in(tmp_path / "late"))
         cluster.work(other)
-        _, err = sweep.communicate(timeout=120)
+        _, err = sweep.communicate(timeout=600)
         assert sweep.returncode == 1
         assert "which joined later, is of another rmr; sources of rmr: " in err
         assert "; to go on: rmr sim corridor --robots 2 --on " in err
         assert "Traceback" not in err
         cluster.work(without)
         sweep = begun("--seeds", "1-4", "--on", cluster.address, "--run", str(tmp_path / "refused"))
-        _, err = sweep.communicate(timeout=120)
+        _, err = sweep.communicate(timeout=600)
         assert sweep.returncode == 1
         lines = sorted(
             line.partition(" is of another ")[2] or line.partition(" has no rmr ")[2] for line in err.splitlines()
@@ -226,7 +226,7 @@ def test_ctrl_c_keeps_what_has_come_and_no_worker_is_said(tmp_path):
             str(tmp_path / "run"),
         ]
         ended = begun(*words[3:])
-        _, err = ended.communicate(timeout=60)
+        _, err = ended.communicate(timeout=600)
         assert ended.returncode == 1
         start = f"dask worker {cluster.address} --nthreads 1"
         assert err == f"rmr sim: the scheduler at {cluster.address} has no worker; start some: {start}\n"
@@ -234,7 +234,7 @@ def test_ctrl_c_keeps_what_has_come_and_no_worker_is_said(tmp_path):
         sweep = begun(*words[3:])
         eventually(lambda: rows_in(tmp_path / "run") >= 2)
         sweep.send_signal(signal.SIGINT)
-        _, err = sweep.communicate(timeout=60)
+        _, err = sweep.communicate(timeout=600)
         assert sweep.returncode == 1
         assert err.startswith("interrupted: ")
         assert f"; to go on: rmr sim corridor --robots 2 --on {cluster.address} --resume " in err
@@ -245,7 +245,7 @@ def test_ctrl_c_keeps_what_has_come_and_no_worker_is_said(tmp_path):
         assert sweep.stderr is not None
         assert sweep.stderr.readline() == f"no worker is left at {cluster.address}; waiting for one\n"
         cluster.work()
-        _, err = sweep.communicate(timeout=60)
+        _, err = sweep.communicate(timeout=600)
         assert (sweep.returncode, rows_in(run)) == (0, 8), err
 
 
