@@ -1,7 +1,7 @@
 """Faults as entries of a lab file: for reports, logs, and the list that `rmr sim --chaos` prints.
 
 An entry is a mapping with times in seconds that may be written under ``faults:`` of a lab file. The way back, from a
-lab file to faults, is `rmr_world.validate.fault_specs`.
+lab file to faults, is `rmr_world.validate.lab_draft`.
 """
 
 import json

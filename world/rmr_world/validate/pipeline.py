@@ -9,11 +9,11 @@ from rmr.bytecode.program import Program
 from rmr_world.document import Document
 from rmr_world.finding import Finding, LabError
 from rmr_world.lab import Lab
-from rmr_world.validate import beacon_fit, floor_fit, reference_fit, shape_fit, station_fit
+from rmr_world.validate import beacon_fit, floor_fit, reference_fit, shape_fit
 from rmr_world.validate.lab_draft import LabDraft
 from rmr_world.validate.schema_conformance import check_schema
 
-FILE_FIT = (*floor_fit.CHECKS, *beacon_fit.CHECKS, *shape_fit.FILE_CHECKS, *station_fit.CHECKS, *reference_fit.CHECKS)
+FILE_FIT = (*floor_fit.CHECKS, *beacon_fit.CHECKS, *shape_fit.FILE_CHECKS, *reference_fit.CHECKS)
 """Checks of phase 2 that need the lab file alone."""
 
 

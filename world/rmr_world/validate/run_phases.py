@@ -6,17 +6,14 @@ from rmr.bytecode.program import Program
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab
 from rmr_world.validate import (
-    area_capacity,
     beacon_fit,
     deadline_feasibility,
     exclusion,
     lab_lint,
-    passages_passed,
     program_fit,
     reachability,
     schedulability,
     shape_fit,
-    station_use,
 )
 
 Check = Callable[[Lab, Program], Iterable[Finding]]
@@ -26,16 +23,14 @@ FEASIBILITY = (
     *shape_fit.CHECKS,
     *beacon_fit.LINT,
     *deadline_feasibility.CHECKS,
-    *area_capacity.CHECKS,
-    *passages_passed.CHECKS,
     *exclusion.CHECKS,
     *schedulability.CHECKS,
 )
 """Checks of phase 4, which yield warnings only."""
 
 RUN_PHASES: tuple[tuple[Check, ...], ...] = (
-    (*program_fit.CHECKS, *station_use.FIT),
-    (reachability.unreachable_places, *station_use.REACHABILITY),
+    (*program_fit.CHECKS, reachability.stations_used),
+    reachability.CHECKS,
     FEASIBILITY,
 )
 """The phases in order."""

@@ -5,7 +5,8 @@ as possible is removed: of a list or a mapping only the bad item. A required sec
 replaced by a stand-in; findings about a stand-in are suppressed (`SchemaResult.items`, `SchemaResult.cut`).
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,8 +17,6 @@ from rmr_world.document import Document
 from rmr_world.finding import END_LINE, FilePath, Finding, LabError
 from rmr_world.near_miss import near_miss
 from rmr_world.schema import LAB_NAME, NAME, NAMESPACE, PYTHON_FILE, TOPIC, LabFile, json_schema
-from rmr_world.validate.schema_hints import hint
-from rmr_world.validate.schema_lookup import schema_items, schema_keys
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts", "bodies"}
 """Sections from which a bad item is removed alone; of any other section all is removed."""
@@ -133,3 +132,111 @@ def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict
             data[name] = _STAND_INS[name]
             kept[name] = []  # a stand-in is not checked
     return kept
+
+
+# ---- look-ups in the JSON Schema: the keys and the lengths that it allows at a place of a document
+
+
+def schema_items(schema: dict[str, Any], path: tuple[str | int, ...]) -> str:
+    """Return how many items the list at `path` of a JSON Schema has, for example `` of 2``, or nothing."""
+    node = schema
+    for part in path:
+        node = _inner(schema, node, part)
+    counts = [len(option["prefixItems"]) for option in _options(schema, node) if "prefixItems" in option]
+    return f" of {counts[0]}" if counts else ""
+
+
+def schema_keys(schema: dict[str, Any], path: tuple[str | int, ...]) -> list[str]:
+    """Return the keys that a JSON Schema allows at `path`, in its order."""
+    node = schema
+    for part in path:
+        node = _inner(schema, node, part)
+    return [key for option in _options(schema, node) for key in option.get("properties", {})]
+
+
+def _options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield `node` and its alternatives with references resolved."""
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+    yield node
+    for option in (*node.get("anyOf", ()), *node.get("allOf", ())):
+        yield from _options(schema, option)
+
+
+def _inner(schema: dict[str, Any], node: dict[str, Any], part: str | int) -> dict[str, Any]:
+    """Return the schema of `part` of `node`, or an empty one."""
+    for option in _options(schema, node):
+        if isinstance(part, int) and isinstance(option.get("items"), dict):
+            return dict(option["items"])
+        if part in option.get("properties", {}):
+            return dict(option["properties"][part])
+        if isinstance(part, str) and option.get("patternProperties"):
+            return dict(next(iter(option["patternProperties"].values())))
+    return {}
+
+
+# ---- hints of the schema phase: what to write instead, appended to the message of an error
+#
+# A hint depends on the place of the error and on the value found there. A message without a hint is complete.
+
+_SHAPES: Mapping[str, str] = {
+    "size": "[width, height]",
+    "box": "[x0, y0, x1, y1]",
+    "circle": "[x, y, radius]",
+    "pose": "[x, y, heading]",
+    "link": "[robot, robot]",
+    "step": "[dx, dy]",
+    "polygon": "[[x, y], [x, y], [x, y]]",
+    "slots": "[[x, y], [x, y]]",
+    "path": "[[x, y], [x, y]]",
+    "beacons": "[[x, y], [x, y]]",
+    "robots": "[{id: 1, pose: [0.2, 0.2, 0deg]}]",
+    "obstacles": "[{box: [x0, y0, x1, y1]}]",
+    "facts": '["due(@1, 25)"]',
+    "faults": "[{from: 3s, to: 6s, loss: 0.5}]",
+}
+"""Notation of a list by the key that holds it; a list of two under any other key is a point."""
+_MEASURE = re.compile(r"[-+]?[0-9.]+ *(?P<unit>[A-Za-z/%]+)")
+_SHARES = {"loss", "dropout"}
+
+
+def hint(path: FilePath, kind: str, given: object) -> str:
+    """Return what to write at `path` in place of `given`; `kind` is pydantic's type of error. Empty if none fits."""
+    key = str(path[-1]) if path else ""
+    if kind in {"tuple_type", "list_type", "too_long"}:
+        return _shape(path)
+    if kind == "missing" and isinstance(path[-1], int):
+        return _shape(path[:-1])
+    if kind in {"int_type", "float_type", "int_parsing", "float_parsing"} and isinstance(given, str):
+        return _number(path, key, given)
+    if kind == "string_type":
+        return '; a fact is text: "due(@1, 25)"' if path[0] == "facts" else "; write text"
+    passage = path == ("bottleneck",) or (len(path) == 2 and path[0] == "passages")
+    if passage and kind in {"model_type", "dict_type"}:
+        return "; name an area, or {mouths: [west, east]}"
+    return ""
+
+
+def _shape(path: FilePath) -> str:
+    """Return the notation of the list at `path`."""
+    key = path[-1] if path else ""
+    shape = _SHAPES.get(str(key)) if isinstance(key, str) else None
+    if shape is None and path and (isinstance(key, int) or key in {"at", "from", "to"}):
+        shape = "[x, y]"
+    return "" if shape is None else f"; write {shape}"
+
+
+def _number(path: FilePath, key: str, given: str) -> str:
+    try:
+        float(given)
+    except ValueError:
+        pass
+    else:
+        return "; leave out the quotation marks"
+    if _MEASURE.fullmatch(given.strip()) is None:
+        return ""
+    if key in _SHARES:
+        return "; a share is a number from 0 to 1"
+    if path[0] in {"arena", "areas", "obstacles", "robots", "robot", "localisation"}:
+        return "; metres, and metres per second, stand without a unit"
+    return "; write the number without a unit"
