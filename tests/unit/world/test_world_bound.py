@@ -10,9 +10,9 @@ from world_labs import LABS, ROOM, lab_of
 from rmr.base.arena import Arena, Disc, Polygon, RobotShape
 from rmr.base.geometry import Point
 from rmr_world.bound import bound_s, destinations, free_times
-from rmr_world.deadline_bound import _through_bottleneck, best_possible
 from rmr_world.free_flow import FreeFlow
 from rmr_world.lab_file import load_lab
+from rmr_world.run_report import _through_bottleneck, best_possible
 
 R = 0.07
 

@@ -11,8 +11,8 @@ from world_labs import ROOM, complaints, lab_of
 from rmr.base.arena import Polygon
 from rmr.base.geometry import Point, point_segment_distance
 from rmr.node.motion.grid import OccupancyGrid
-from rmr_world.convex_parts import convex_parts
 from rmr_world.free_flow import OBSTACLES_MAX, FreeFlow
+from rmr_world.lab_geometry import convex_parts
 
 ELL = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.2), (0.2, 0.2), (0.2, 1.0), (0.0, 1.0)]
 COMB = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
