@@ -12,12 +12,11 @@ from rmr_sim import sim_command
 from rmr_sim.arguments import parse
 from rmr_sim.hunt.candidates import METHODS, attacked
 from rmr_sim.hunt.harm import Harm, HarmKind, possible, with_harms
+from rmr_sim.hunt.hunt_command import lab_text
 from rmr_sim.hunt.hunt_names import METHODS as METHOD_NAMES
-from rmr_sim.hunt.hunt_report import lab_text
-from rmr_sim.hunt.hunt_search import HuntFinding, HuntSearch, Quarry
+from rmr_sim.hunt.hunt_search import HuntFinding, HuntSearch, Quarry, shrunk
 from rmr_sim.hunt.hunt_trial import Broken, Trial, tried
 from rmr_sim.hunt.lineage import LineageObserver, Support
-from rmr_sim.hunt.shrinking import shrunk
 from rmr_sim.main import main
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_world.faults import fault_line, fault_lines
