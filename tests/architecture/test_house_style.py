@@ -22,6 +22,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.node.motion.navigator": "one drive: its order, route, gates and manoeuvres are one state",
     "rmr.node.logic.exchange": "one protocol: what is sent, repeated, received and renewed shares one state",
     "rmr.node.payloads": "one table of the kinds of frames, with how each is written and read",
+    "rmr.record.mcap_scan": "one reader: the index at the end of a file, and the scan where there is none",
     "rmr.vm.generate.body": "the search of a body and that of a fold in it, which need each other",
     "rmr.vm.machine": "what both engines share: one state and the orders that change it",
     "rmr.vm.goal_ways": "one state: steps of the graph, found backwards and kept up to date fact by fact",
