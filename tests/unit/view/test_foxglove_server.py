@@ -21,8 +21,16 @@ from rmr.record.recording import open_recording
 from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
 from rmr_view import foxglove_server, view
-from rmr_view.foxglove_feed import LAG_S, LiveFeed, RecordedFeed
-from rmr_view.foxglove_server import ADVERTISED, NUMBERS, FoxgloveClient, FoxgloveServer, serve_foxglove
+from rmr_view.foxglove_server import (
+    ADVERTISED,
+    LAG_S,
+    NUMBERS,
+    FoxgloveClient,
+    FoxgloveServer,
+    LiveFeed,
+    RecordedFeed,
+    serve_foxglove,
+)
 
 pytestmark = pytest.mark.slow
 
