@@ -8,17 +8,17 @@ from typing import Any, Final, NamedTuple
 
 from rmr.base.streams import Choices
 from rmr.base.time import Duration, Instant, milliseconds
-from rmr.bytecode.program import Program
+from rmr.bytecode.program import Anything, Program
 from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionLog
-from rmr.node.config import NodeConfig
+from rmr.node.config import FinishPattern, NodeConfig
 from rmr.node.driver import Driver
-from rmr.node.logic.finish import FinishFact
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.peers.link_sensing import ROBOTS_MAX, LinkSensing
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import BodyPort
 from rmr.node.trace import Trace, TraceLevel
 from rmr.vm.engines import new_machine
+from rmr.vm.machine import Machine
 
 SUSPENDED_AFTER: Final[Duration] = milliseconds(150)
 """Time without a call after which the host counts as suspended: input may then be as old as the previous call."""
@@ -118,3 +118,41 @@ def _links(config: NodeConfig) -> LinkSensing | None:
         return None
     crowd = config.profile.promises_to_stay
     return LinkSensing(config.robot, config.roster, crowd=crowd, begins_late=config.epoch > 0)
+
+
+# ---- whether the lab's finish fact holds for a robot, which ends its part of the run
+
+
+class FinishFact:
+    """Watches one robot's finish fact."""
+
+    def __init__(self, pattern: FinishPattern | None, program: Program, machine: Machine, senses: SensedFacts) -> None:
+        self._pattern = pattern
+        self._index = None if pattern is None else program.index(pattern[0])
+        self._machine = machine
+        self._senses = senses
+        self._looked: Instant = 0
+        self.holds = False
+        """As of the last call of the runtime system."""
+        self.at: Instant | None = None
+        """When it held first."""
+
+    def update(self, now: Instant) -> bool:
+        """Look again if facts may have changed; return whether the finish fact holds for the first time."""
+        # Neither the machine nor the senses have changed a fact since: nothing to search.
+        if self._looked <= self._machine.called_at or self._looked <= self._senses.changed:
+            self._looked = now
+            self.holds = self._search()
+        if self.at is not None or not self.holds:
+            return False
+        self.at = now
+        return True
+
+    def _search(self) -> bool:
+        if self._pattern is None:
+            return False
+        name, patterns = self._pattern
+        for args in self._senses.of(name):
+            if all(isinstance(p, Anything) or p.value == a for p, a in zip(patterns, args, strict=False)):
+                return True
+        return self._index is not None and self._machine.holds(self._index, patterns)

@@ -7,7 +7,7 @@ from rmr.base.time import NEVER, milliseconds, seconds
 from rmr.base.values import Robot
 from rmr.lang.compiler import compile_source
 from rmr.node import payloads
-from rmr.node.logic.deadlines import Deadlines
+from rmr.node.logic.deliveries import Deadlines
 from rmr.node.payloads import Delivery, DeliveryRole
 from rmr.vm.engines import new_machine
 from rmr.vm.predicate_reach import Reach

@@ -13,11 +13,10 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
-from rmr.node.node import Node
+from rmr.node.node import ROUNDS_MAX, Node
 from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
-from rmr.node.runtime_system import ROUNDS_MAX
 from rmr.node.trace import ENTRIES_MAX, EVENTS, TraceLevel
 
 pytestmark = pytest.mark.medium
