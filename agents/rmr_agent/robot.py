@@ -42,8 +42,6 @@ SAY_AGAIN_S = 5.0
 ASK_S = 1.0
 """Limit for an answer of the world."""
 
-ASK_AGAIN_S = 0.25
-"""Pause between requests while there is no world."""
 
 TAKEN_PATIENCE_S = 2.0
 """How long an id may stay taken: the world notices within that time that its last bearer was killed."""
@@ -52,17 +50,10 @@ CLOCK_STANDING_S = 0.5
 CLOCK_RUNNING_S = 2.0
 """How often lab time is asked for while it stands and while it runs; two clocks drift 0.1 ms apart in 2 s."""
 
-CLOCK_BURST = 5
-"""Questions in a row when nothing is known of lab time."""
-
-STATUS_S = 0.25
-"""Period of the check whether the status has changed."""
 
 STATUS_AT_LEAST_S = 0.5
 """Longest period between two statuses, without a change."""
 
-FLUSH_S = 0.05
-"""Time for the final status to be sent before the session is closed."""
 
 FAILURES_MAX = 20
 """Bound of the different action failures shown on standard error; the log has them all."""
@@ -167,7 +158,7 @@ class HostedRobot:
                 self._keys = Keys(maps[0][1].lab)
                 self._waiting.over()
                 return maps[0][0]
-            await asyncio.sleep(ASK_AGAIN_S)
+            await asyncio.sleep(0.25)  # pause between requests while there is no world
 
     def _say_not_understood(self) -> None:
         """Say once what is wrong with an answer that is no map: its world may be of another version of rmr."""
@@ -305,7 +296,7 @@ class HostedRobot:
         """Ask for lab time, often at first and now and then later."""
         while True:
             self._clock_news.clear()
-            burst = 1 if self._clock.delay is not None else CLOCK_BURST
+            burst = 1 if self._clock.delay is not None else 5  # questions in a row when nothing is known of lab time
             for _ in range(burst):
                 await self._ask_time()
             if self._incarnation is not None:
@@ -326,7 +317,7 @@ class HostedRobot:
     async def _tell(self) -> None:
         """Publish the robot's state at changes and twice a second."""
         while True:
-            await asyncio.sleep(STATUS_S)
+            await asyncio.sleep(0.25)  # period of the check whether the status has changed
             await self._publish_status(final=False)
 
     async def _publish_status(self, *, final: bool) -> None:
@@ -395,5 +386,5 @@ class HostedRobot:
             self._incarnation.end()
             await self._publish_status(final=True)
             self._recording.end()
-            await asyncio.sleep(FLUSH_S)
+            await asyncio.sleep(0.05)  # time for the final status to be sent before the session is closed
         self._bus.close()

@@ -44,8 +44,6 @@ from rmr_agent.state_files import (
 )
 
 LOCK: Final = "lock"
-DURABILITIES: Final = ("process", "power")
-"""What the state survives: the end of the process, or of the machine's power, too."""
 ANEW: Final = "begin anew with an empty folder"
 
 log = logging.getLogger("rmr")

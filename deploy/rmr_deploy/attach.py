@@ -39,8 +39,6 @@ from rmr_world.quorum import NEVER_CAME, Fate
 POLL_S = 0.1
 WORLD_SILENT_S = 3.0
 """Silence of the world after which it is said: it tells its status twice a second."""
-LAST_S = 1.0
-"""Time for the last statuses after the finish: robots tell theirs at least once a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +86,8 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
     finally:
         screen.close()
     with suppress(TimeoutError):
-        await asyncio.wait_for(_all_told(plan.lab, monitor), LAST_S)
+        # Time for the last statuses after the finish: robots tell theirs at least once a second.
+        await asyncio.wait_for(_all_told(plan.lab, monitor), 1.0)
     outcome.wall_s = time.monotonic() - began
     record = make_report(plan, outcome, monitor)
     monitor.close()

@@ -54,9 +54,6 @@ FINAL_S_MAX = 2.0
 LEAVE_S_MAX = 1.5
 """Limit for a process to exit by itself after its last status; then it gets SIGTERM."""
 
-DRAW_S = 0.2
-"""Period with which the robots' lines on the screen are redrawn."""
-
 
 class LabRun:
     """A run in progress."""
@@ -320,7 +317,8 @@ class LabRun:
         return may_lack and "world" not in self.outcome.ended and bool(self.lives.living())
 
     def _draw(self, *, now: bool = False) -> None:
-        if not now and time.monotonic() < self._drawn + DRAW_S:
+        # Period with which the robots' lines on the screen are redrawn.
+        if not now and time.monotonic() < self._drawn + 0.2:
             return
         self._drawn = time.monotonic()
         lines = [self.lives.line(robot, self.monitor) for robot in self.plan.lab.roster]

@@ -40,8 +40,6 @@ TICK_S: Final = 0.02
 """Longest sleep of the distributor."""
 BEGIN_S: Final = 2.0
 """How long a load waits for lab time to begin: the world sets it less than a second ahead when all robots are ready."""
-ASK_AGAIN_S: Final = 0.05
-"""Period with which it looks."""
 
 Outcome = dict[str, Any]
 
@@ -158,7 +156,7 @@ async def _started(bus: Bus, keys: Keys, endpoint: str) -> wire.Disturbances:
         told = await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)
         if told.stamp >= 0 or time.monotonic() > end:
             return told
-        await asyncio.sleep(ASK_AGAIN_S)
+        await asyncio.sleep(0.05)  # period with which it looks
 
 
 async def _roster(bus: Bus, keys: Keys) -> list[int]:

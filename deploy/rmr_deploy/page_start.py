@@ -21,8 +21,6 @@ LEAVE_S = 60.0
 """The page's process ends so long after the run is over and the last page is closed."""
 TOKEN_VARIABLE = "RMR_VIEW_TOKEN"
 """Environment variable by which the page's process gets its token: other users cannot read it."""
-OUTPUT_FILE = "page.out"
-"""What the page's process writes, in the folder of logs."""
 
 
 def open_page(plan: RunPlan, say: Callable[[str], None]) -> "PageStart | None":
@@ -32,7 +30,8 @@ def open_page(plan: RunPlan, say: Callable[[str], None]) -> "PageStart | None":
     if options.no_view or not (asked or (sys.stdout.isatty() and not options.as_json)):
         return None
     try:
-        page = PageStart(plan.folder, plan.logs / OUTPUT_FILE, port=options.port or 0, control=options.control)
+        # What the page's process writes, in the folder of logs.
+        page = PageStart(plan.folder, plan.logs / "page.out", port=options.port or 0, control=options.control)
     except OSError as error:
         say(f"no page: port {options.port or 0}: {error.strerror}; choose another one with --port")
         return None

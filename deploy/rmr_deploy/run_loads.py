@@ -25,12 +25,8 @@ from rmr_world.finding import LabError
 from rmr_world.lab import ProgramLoad
 from rmr_world.lab_program import LoadedProgram, load_program
 
-LOOK_S: Final = 0.05
-"""Period with which the launcher looks whether a load is due."""
 CUT_OFF: Final = "the run was over before it was decided"
 
-WATCH_S: Final = 0.3
-"""Period with which the sources are looked at: a person does not notice it, and it costs a call for each file."""
 
 Stamps = dict[Path, tuple[int, int]]
 
@@ -54,7 +50,7 @@ class LabLoads:
         async with asyncio.TaskGroup() as under_way:
             for load, program in sorted(self._plan.loads, key=lambda each: each[0].at):
                 while (now_s := self._events.now_s()) is None or now_s < in_seconds(load.at):
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(0.05)  # period with which the launcher looks whether a load is due
                 begun: dict[str, Any] = {"begin_s": round(now_s, 3), "file": load.program.name}
                 entry = {**begun, "switched": None, "problem": CUT_OFF}
                 self.entries.append(entry)
@@ -136,7 +132,9 @@ class ProgramWatch:
         program = self._plan.lab.program
         self._say(f"watching {program.parent} for changes of the program")
         while True:
-            await asyncio.sleep(WATCH_S)
+            # Period with which the sources are looked at: a person does not notice it, and it costs a call for each
+            # file.
+            await asyncio.sleep(0.3)
             stamps = stamps_of(program)
             if stamps != self._seen and program in stamps:
                 self._seen = stamps

@@ -36,12 +36,8 @@ LEFT: Final = 90.0
 RIGHT: Final = 110.0
 OCTETS_MAX: Final = 300_000
 """Bound of the file's size: images of a page should load at once."""
-WITHIN_PX: Final = 0.6
-"""Detail of a robot's way at first; doubled until the file is small enough."""
 LENGTH_S: Final = 15.0
 """An animation lasts no longer than this, if necessary in quick motion."""
-CLOCK_STEPS: Final = 200
-"""Steps of the clock at most."""
 _CLOCK_PX: Final = 24.0
 STYLE: Final = (
     LABEL_STYLE
@@ -65,7 +61,8 @@ STYLE: Final = (
 def animation(data: RunData, speed: float | None = None) -> str:
     """Return the animation of a run; `speed` is lab time over time, None: real time unless that takes too long."""
     for doublings in range(6):
-        text = _Animation(data, speed or quick_motion(data.end_s), WITHIN_PX * 2**doublings).text()
+        # Detail of a robot's way at first; doubled until the file is small enough.
+        text = _Animation(data, speed or quick_motion(data.end_s), 0.6 * 2**doublings).text()
         if len(text) <= OCTETS_MAX:
             break
     return text
@@ -109,7 +106,7 @@ class _Animation:
 
     def _clock(self) -> None:
         end = self._data.end_s
-        step = max(1, math.ceil(end / CLOCK_STEPS))
+        step = max(1, math.ceil(end / 200))  # steps of the clock at most
         count = int(end / step)
         texts = [f"{k * step} s" for k in range(count + 1)]
         if end > count * step:

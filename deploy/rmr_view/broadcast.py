@@ -15,8 +15,6 @@ PERIOD_S = 0.05
 """Period of the messages while there is a client: half of that of poses."""
 REFRESH_S_MIN = 0.04
 """Least time between two refreshes."""
-IDLE_PERIOD_S = 0.5
-"""Period with which the source is refreshed while there is none."""
 CLOCK_PERIOD_S = 0.5
 """Greatest time between two messages of the clock, while it runs."""
 BATCH_MAX = 500
@@ -78,7 +76,8 @@ class Broadcast:
                 continue
             self._joined.clear()
             try:
-                await asyncio.wait_for(self._joined.wait(), IDLE_PERIOD_S)
+                # Period with which the source is refreshed while there is none.
+                await asyncio.wait_for(self._joined.wait(), 0.5)
             except TimeoutError:
                 continue
 

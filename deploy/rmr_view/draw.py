@@ -20,8 +20,6 @@ DASHES = ("-", "--", "-.", ":")
 HATCHES = ("", "////", "xx", "----")
 PANEL_INCHES = (4.4, 3.6)
 ALONE_INCHES = (7.0, 4.2)
-NOTE_INCHES = 0.16
-"""Height of one line of the note, inches."""
 CHARACTERS_PER_INCH = 15
 STYLE: Any = {
     "svg.hashsalt": "rmr",
@@ -30,8 +28,6 @@ STYLE: Any = {
     "font.size": 9,
     "axes.axisbelow": True,
 }
-LEGEND_ROOM = 1.3
-"""Ratio of the height of the y axis to the highest bar, which leaves room for the legend above the bars."""
 BAR_SHARE = 0.8
 """Width of the bars at one x, as a share of the distance between two."""
 
@@ -55,7 +51,8 @@ def _draw(figure: Figure, path: Path) -> None:
     width, height = ALONE_INCHES if count == 1 else (PANEL_INCHES[0] * count, PANEL_INCHES[1])
     note = fill(figure.note, round(width * CHARACTERS_PER_INCH))
     with mpl.rc_context(STYLE):
-        canvas = Canvas(figsize=(width, height + NOTE_INCHES * (note.count("\n") + 1)), layout="constrained")
+        # Height of one line of the note, inches.
+        canvas = Canvas(figsize=(width, height + 0.16 * (note.count("\n") + 1)), layout="constrained")
         canvas.suptitle(figure.title, fontsize=10)
         canvas.supxlabel(note, fontsize=8, color="0.3")
         for axes, panel in zip(canvas.subplots(1, count, squeeze=False)[0], figure.panels, strict=True):
@@ -92,7 +89,8 @@ def _axes(axes: Any, panel: Panel, *, from_zero: bool) -> None:
     if panel.ticks:
         axes.set_xticks([tick.at for tick in panel.ticks], [tick.label for tick in panel.ticks])
     if from_zero and not panel.y_log:
-        axes.set_ylim(0.0, LEGEND_ROOM * axes.get_ylim()[1])
+        # Ratio of the height of the y axis to the highest bar, which leaves room for the legend above the bars.
+        axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
     elif panel.y_from is not None:
         axes.set_ylim(bottom=panel.y_from)
     axes.grid(axis="y", color="0.9")

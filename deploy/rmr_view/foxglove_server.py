@@ -46,8 +46,6 @@ LATE_S = 3.0
 """A run under way that is shown so much too late, because its lab time is faster than time, is caught up with."""
 LATCHED = frozenset({"/scene", "/floor"})
 """Channels written once: who comes later needs the newest message nevertheless."""
-LOOK_S = 0.2
-"""Period with which the files of a run under way are looked at."""
 
 
 class FoxgloveFeed(Protocol):
@@ -115,7 +113,8 @@ class LiveFeed:
 
     def due(self, wall_s: float) -> Iterator[Message]:
         """Yield what has become due."""
-        if self._looked_s is None or wall_s - self._looked_s >= LOOK_S:
+        # Period with which the files of a run under way are looked at.
+        if self._looked_s is None or wall_s - self._looked_s >= 0.2:
             self._looked_s = wall_s
             self._look(wall_s)
         while self._waiting and in_seconds(self._waiting[0].at) <= wall_s - (self._offset_s or 0.0):
@@ -150,15 +149,11 @@ ADVERTISED: Final = tuple(channel for channel in CHANNELS if channel.encoding ==
 NUMBERS: Final = {channel.topic: number for number, channel in enumerate(ADVERTISED)}
 PERIOD_S: Final = 0.02
 """Period with which messages that have become due are sent."""
-CLOCK_S: Final = 0.1
-"""Period with which clients are told the time."""
 CLIENTS_MAX: Final = 100
 QUEUE_MAX: Final = 500
 """Messages that wait for a client at most, a second of 50 robots or more."""
 TEXTS_MAX: Final = 100
 """Answers that wait for a client at most: one that asks and does not read gets no more."""
-SEND_BUFFER: Final = 1 << 17
-"""Octets that the system holds for a client: with its own choice, megabytes, a slow client would be far behind."""
 REQUEST_MAX: Final = 1 << 16
 """Octets of a client's request at most."""
 SUBSCRIPTIONS_MAX: Final = 1_000
@@ -222,7 +217,8 @@ class FoxgloveServer:
 
     async def run(self, sock: socket) -> None:
         """Serve on a listening socket until cancelled."""
-        sock.setsockopt(SOL_SOCKET, SO_SNDBUF, SEND_BUFFER)
+        # Octets that the system holds for a client: with its own choice, megabytes, a slow client would be far behind.
+        sock.setsockopt(SOL_SOCKET, SO_SNDBUF, 1 << 17)
         options: Any = {
             "subprotocols": SUBPROTOCOLS,
             "origins": ORIGINS,
@@ -235,7 +231,7 @@ class FoxgloveServer:
             while True:
                 await asyncio.sleep(PERIOD_S)
                 self._send_due()
-                if self._clock() - told >= CLOCK_S:
+                if self._clock() - told >= 0.1:  # period with which clients are told the time
                     told = self._clock()
                     for client in self._clients:
                         client.put(struct.pack("<BQ", 2, self._now))

@@ -40,8 +40,6 @@ from rmr_world.run_report import REPORT_FILE
 
 ABSENT_S = 2.5
 """A robot that has been absent for so long has not left in order at the end of the run."""
-LOOK_S = 0.5
-"""Period with which the run's files are looked at."""
 NOT_RECORDED = (
     "this run is not recorded (--no-record): only poses are shown; "
     "trace, radio, logs, facts and explanations are missing"
@@ -160,7 +158,7 @@ class LiveSource:
     async def refresh(self) -> None:
         """Read what the run's files have got; take note of its end."""
         now = time.monotonic()
-        if not self._live or now < self._looked + LOOK_S:
+        if not self._live or now < self._looked + 0.5:  # period with which the run's files are looked at
             return
         self._looked = now
         ended = not await asyncio.to_thread(under_way, self._folder)

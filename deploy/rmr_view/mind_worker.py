@@ -19,8 +19,6 @@ from rmr_view.run_source import RequestRefusedError, WhyOptions
 
 PATIENCE_S = 120.0
 """Limit for one answer: replay takes about a hundredth of the run's time per robot."""
-NICE = 5
-"""Lower priority than the run and the server."""
 
 
 class MindWorker:
@@ -75,7 +73,7 @@ def _begin() -> None:
     """Leave Ctrl-C to the server, and end with it."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICE)
+    os.nice(5)  # lower priority than the run and the server
 
 
 _followed: dict[Path, Any] = {}

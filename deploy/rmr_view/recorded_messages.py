@@ -120,6 +120,3 @@ _BY_TOPIC: dict[str, Callable[[RunHistory, float, Data], None]] = {
     "/faults": _fault,
 }
 """The channels that the page shows."""
-
-TOPICS = tuple(_BY_TOPIC)
-"""Their names."""

@@ -32,8 +32,6 @@ LANE: Final = 26.0
 """Height of one robot's lane."""
 JOBS_MAX: Final = 60
 """Jobs that the picture of lateness shows; of more, the latest ones."""
-SAME_PLACE_M: Final = 0.004
-"""Detail of trajectories: what is further off is not left out."""
 STYLE: Final = (
     LABEL_STYLE
     + FLOOR_STYLE
@@ -72,7 +70,8 @@ def trajectories(data: RunData) -> str:
     drawing.draw(picture)
     shown = [(index, data.tracks[robot]) for index, robot in enumerate(data.robots) if data.tracks.get(robot)]
     for index, track in shown:
-        kept = thinned(track.t, (track.x, track.y), SAME_PLACE_M)
+        # Detail of trajectories: what is further off is not left out.
+        kept = thinned(track.t, (track.x, track.y), 0.004)
         points = drawing.points([(track.x[k], track.y[k]) for k in kept])
         picture.add("polyline", f"trail {robot_class(index, stroke=True)}", points=points)
         x = drawing.x(track.x[0])

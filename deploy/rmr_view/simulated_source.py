@@ -34,8 +34,6 @@ SHOW_S = 0.04
 """Period of the poses that are shown live, in wall time."""
 TAPPED = frozenset({"/frames", "/log", "/routes", "/status"})
 """Channels of the recording that are passed on to the page."""
-PRESENT_S = 0.1
-"""What is younger than this is asked of the robot itself."""
 ROUTE_MAX = 200
 """Points of a route at most."""
 FIRED_MAX = 50
@@ -172,7 +170,7 @@ class SimulatedSource:
     async def robot(self, robot: int, t: float | None) -> dict[str, Any]:
         """Return what a robot knew and did at `t`; route, open goals and queue are known of the present alone."""
         now = self.clock.t
-        if t is not None and t < now - PRESENT_S:
+        if t is not None and t < now - 0.1:  # what is younger than this is asked of the robot itself
             return await self._past(robot, t)
         found = await self._folded(robot, now)
         present: dict[str, Any] = await self._ask(lambda: self._present(robot))

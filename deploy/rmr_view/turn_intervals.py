@@ -36,9 +36,6 @@ CLAIM_S = in_seconds(ClaimTiming().quiet + ClaimTiming().ahead)
 GONE = {"killed": "dead", "kill": "dead", "die": "dead", "stopped": "stopped", "stop": "stopped"}
 """Words for the end of a robot's process, of a fault or the trace -> kind of the time from then on."""
 
-DYING_S = 0.25
-"""The end of a process is dated by the lab time that its launcher heard last, 0.1 s old at most where the world is on
-time: entries of the trace until so long after it are of the process that has ended."""
 
 ACTIONS_MAX = 2000
 """Bound of the actions of a lane, the newest: more are closer together than a page has pixels."""
@@ -143,7 +140,9 @@ class TurnIntervals:
             return
         lane = self._lane(entry["robot"])
         now = float(entry["t"])
-        if entry["what"] == "fault" or not lane.gone or now > lane.gone_since + DYING_S:
+        # The end of a process is dated by the lab time that its launcher heard last, 0.1 s old at most where the world
+        # is on time: entries of the trace until so long after it are of the process that has ended.
+        if entry["what"] == "fault" or not lane.gone or now > lane.gone_since + 0.25:
             take(self, lane, now, entry)
 
     def add_fault(self, fault: Mapping[str, Any]) -> None:
