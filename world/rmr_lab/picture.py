@@ -17,8 +17,6 @@ from rmr_world.bound import bound_s
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.narrow_places import NarrowPassage
 
-SIDE_PX = 900.0
-"""Length of the longer side of the floor."""
 MARGIN_PX = 30.0
 """Margin around the floor, which holds the coordinates of the grid."""
 HEADER_PX = 26.0
@@ -60,7 +58,7 @@ class _Picture:
         self._goals = goals
         self._passages = passages
         self._arena: Arena = lab.arena
-        self._scale = SIDE_PX / max(lab.arena.width, lab.arena.height)
+        self._scale = 900.0 / max(lab.arena.width, lab.arena.height)  # length of the longer side of the floor
 
     def text(self) -> str:
         width = self._arena.width * self._scale + 2 * MARGIN_PX

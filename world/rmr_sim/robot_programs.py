@@ -9,7 +9,7 @@ from typing import Final, Protocol
 
 from rmr.base.kernel import ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, Duration, Instant, milliseconds
+from rmr.base.time import NEVER, Instant, milliseconds
 from rmr.bytecode.program import Program
 from rmr.load.load_endpoint import ALL, LoadEndpoint
 from rmr.load.program_loader import Preview, ProgramLoader, RunningProgram
@@ -21,8 +21,6 @@ from rmr.vm.carrying import preview
 
 HANDLE: Final = 0
 """Handle of the frames; those of a node are numbered from 1."""
-STOPPED_FOR: Final[Duration] = milliseconds(50)
-"""Interval at which a stopped robot is looked at again."""
 
 
 class LoadedRobot(Protocol):
@@ -120,7 +118,7 @@ class RobotPrograms:
 
     def _wake(self, now: Instant) -> None:
         if not self._robot.reachable:
-            self._alarm.set(now + STOPPED_FOR)
+            self._alarm.set(now + milliseconds(50))  # interval at which a stopped robot is looked at again
             return
         self.endpoint.wake(now)
         due = self.endpoint.switch(now)

@@ -19,7 +19,6 @@ from rmr_sim.interruption import LOOK_S, Interruption
 if TYPE_CHECKING:
     from rmr_sim.cluster_pool import ClusterPool
 
-
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
 
@@ -61,7 +60,8 @@ class WorkerPool(Generic[Task, Outcome]):
         for place in busy:
             self._workers[place].give(*waiting.pop())
         while busy and not interruption.came:
-            ready = wait([self._workers[place].results for place in busy], LOOK_S)
+            # Period of the check for Ctrl-C while all workers are busy.
+            ready = wait([self._workers[place].results for place in busy], 0.2)
             for place in [place for place in busy if self._workers[place].results in ready]:
                 yield self._workers[place].take()
                 if not self._workers[place].alive:

@@ -29,8 +29,6 @@ from rmr_world.quorum import LIVING
 
 BOX_SIDE_PLACES = 8
 """Sample points along each side of a box, which a robot reaches at its edge."""
-DETOUR_M = 0.3
-"""Tolerance for a path through both entrances: their exact points make it longer than the true path by at most this."""
 
 
 @record
@@ -162,7 +160,8 @@ def _mouth(trip: list[float], into: list[float], beyond: list[list[float]], acro
         return -1
     paths_m = [into[mouth] + across + min(beyond[1 - mouth]) for mouth in (0, 1)]
     mouth = paths_m.index(min(paths_m))
-    return mouth if paths_m[mouth] <= min(trip) + DETOUR_M else -1
+    # Tolerance for a path through both entrances: their exact points make it longer than the true path by at most this.
+    return mouth if paths_m[mouth] <= min(trip) + 0.3 else -1
 
 
 def bound_s(lab: Lab, dead: Collection[int] = ()) -> float:

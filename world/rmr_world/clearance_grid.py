@@ -12,17 +12,14 @@ import numpy as np
 from rmr.base.arena import Arena, Disc, Obstacle, Polygon
 from rmr.base.geometry import Point
 
-CELLS_PER_RADIUS = 5.0
-"""Cells along a robot's radius: fine enough to tell widths to 2 cm for the default robot."""
 CELLS_MAX = 1_500_000
 """Bound of the cells; a larger floor gets larger cells."""
-TIE_M = 1e-9
-"""An obstacle is nearer than another only by more than this, so that rounding does not decide between touching ones."""
 
 
 def cell_edge_m(arena: Arena) -> float:
     """Return the greatest edge of the cells of an arena's grid, metres."""
-    return max(arena.shape.radius / CELLS_PER_RADIUS, math.sqrt(arena.width * arena.height / CELLS_MAX))
+    # Cells along a robot's radius: fine enough to tell widths to 2 cm for the default robot.
+    return max(arena.shape.radius / 5.0, math.sqrt(arena.width * arena.height / CELLS_MAX))
 
 
 class ClearanceGrid:
@@ -74,7 +71,9 @@ class ClearanceGrid:
         if clear.size == 0:
             return
         away = _distances(obstacle, self._xs[None, columns], self._ys[rows, None])
-        nearer = away < clear - TIE_M
+        # An obstacle is nearer than another only by more than this, so that rounding does not decide between touching
+        # ones.
+        nearer = away < clear - 1e-9
         clear[nearer] = away[nearer]
         self.nearest[rows, columns][nearer] = index
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from rmr.base.arena import Arena, FloorPassage, found_passage
 from rmr.base.geometry import Point, distance, point_segment_distance
@@ -10,9 +10,6 @@ from rmr.base.motion_scale import scale_of
 from rmr.node.motion.route import GATE_REACH_M, ROOM_M, way_through_m
 from rmr_world.narrow_places import NarrowPassage, narrow_places
 from rmr_world.units import PASSAGES_MAX
-
-LONGER: Final = 1.2
-"""A way from end to end that is longer than the centre line times this leads elsewhere."""
 
 
 def found_passages(arena: Arena, stays: Iterable[Point]) -> tuple[FloorPassage, ...]:
@@ -24,11 +21,12 @@ def found_passages(arena: Arena, stays: Iterable[Point]) -> tuple[FloorPassage, 
     """
     places = tuple(stays)
     size = scale_of(arena.shape).size
+    # A way from end to end that is longer than the centre line times this leads elsewhere.
     usable = [
         each
         for each in narrow_places(arena).passages
         if not any(belongs(each, named.mouths, size) for named in arena.passages)
-        and 0.0 < way_through_m(arena, *each.ends) <= LONGER * each.length
+        and 0.0 < way_through_m(arena, *each.ends) <= 1.2 * each.length
         and not any(map(each.holds, places))
     ]
     names = {each.name for each in arena.passages}

@@ -14,8 +14,6 @@ from rmr_world.schema import AreaSpec, GridSpec, LineSpec, ObstacleSpec, QueueSp
 Box = tuple[float, float, float, float]
 
 QUEUE_PLACES_MAX = 1000
-_EPSILON = 1e-9
-"""Tolerance of rounding for equal lengths, metres."""
 
 
 def _point(x: float, y: float) -> Point:
@@ -71,7 +69,8 @@ def queue_places(queue: QueueSpec) -> tuple[Point, ...]:
     length = sum(distance(*a, *b) for a, b in pairwise(corners))
     if length / queue.spacing >= QUEUE_PLACES_MAX:
         raise ValueError(f"queue has more than {QUEUE_PLACES_MAX} places")
-    return tuple(_along(corners, k * queue.spacing) for k in range(int(length / queue.spacing + _EPSILON) + 1))
+    # Tolerance of rounding for equal lengths, metres.
+    return tuple(_along(corners, k * queue.spacing) for k in range(int(length / queue.spacing + 1e-9) + 1))
 
 
 def _along(corners: list[Point], way: float) -> Point:

@@ -24,12 +24,8 @@ from rmr.base.record import record
 from rmr.node.motion.grid import DOOR_MARGIN_M, PATH_MARGIN_M
 from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
-CORE_RADII = 2.0
-"""A wide place whose robots' centres have less room than this, in radii of a robot, is part of the narrow section."""
 LINE_M = 0.02
 """Tolerance of a centre line, which follows the cells of a grid."""
-LINE_STEP = 5
-"""Cells from one point of a passage's centre line to the next."""
 CELLS_LEAST = 2.0
 """Cells along a robot's radius below which the grid tells nothing."""
 FINER = 8
@@ -126,7 +122,9 @@ class _Search:
         # The axis of a passage lies up to half a cell beside the nearest row of centres, which are so much less clear.
         slack = grid.cell / 2.0
         wide = grid.clear >= self._half - slack
-        self._wide = _spacious(wide, CORE_RADII * radius / grid.cell)
+        # A wide place whose robots' centres have less room than this, in radii of a robot, is part of the narrow
+        # section.
+        self._wide = _spacious(wide, 2.0 * radius / grid.cell)
         self._narrow = grid.skeleton() & ~self._wide & (grid.clear >= radius + DOOR_MARGIN_M - slack)
         self._passages: list[tuple[tuple[Point, ...], float]] = []
         self._zones: list[Point] = []
@@ -173,7 +171,8 @@ class _Search:
         while steps[cell] > 0:
             cell = min(n for n in self._neighbours(cell) if steps.get(n, -1) == steps[cell] - 1)
             path.append(cell)
-        points = [self._axis(cells, each) for each in path[:-1:LINE_STEP] + path[-1:]]
+        # Cells from one point of a passage's centre line to the next.
+        points = [self._axis(cells, each) for each in path[:-1:5] + path[-1:]]
         line = (*points, points[-1]) if len(points) == 1 else tuple(points)
         clear = self._grid.clear
         narrowest = min(path, key=lambda each: (max(clear[n] for n in self._neighbours(each)), each))

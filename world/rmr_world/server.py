@@ -36,9 +36,6 @@ from rmr_world.world_state import SAVE_EVERY, WorldFolder
 if TYPE_CHECKING:
     from rmr_ros.ros_bridge import RosBridge
 
-START_DELAY = milliseconds(100)
-"""Delay from the decision to start to lab time 0, within which the start reaches all robots."""
-
 CATCH_UP_MAX = 10
 """Late ticks that are caught up before the bus is served again."""
 
@@ -60,8 +57,6 @@ JUDGE_S = 0.2
 BACK_S = 3.0
 """Time for robots to return to a world that goes on: they try again once a second."""
 
-FLUSH_S = 0.05
-"""Time for the last messages to be sent before the session is closed."""
 
 log = logging.getLogger("rmr")
 
@@ -181,7 +176,8 @@ class WorldServer:
         bus.declare_alive(keys.world_alive)
 
     def _start(self) -> None:
-        self._time.start(time.monotonic_ns(), START_DELAY)
+        # Delay from the decision to start to lab time 0, within which the start reaches all robots.
+        self._time.start(time.monotonic_ns(), milliseconds(100))
         self._publish_clock()
         log.info("lab time runs")
         for given in self._disturbances.given:
@@ -194,7 +190,7 @@ class WorldServer:
         self._publish_clock()
         self._publish_status(final=True)
         self._publish_truth(final=True)  # the last message: its receivers have all others by then
-        await asyncio.sleep(FLUSH_S)
+        await asyncio.sleep(0.05)  # time for the last messages to be sent before the session is closed
 
     # -- requests ---------------------------------------------------------------------------------------------
 

@@ -16,8 +16,6 @@ from rmr.node.ports import Spoken
 from rmr_sim.checkers.passage_checker import TIMING
 from rmr_sim.checkers.run_view import RecentTable, RunView
 
-SETTLE: Duration = seconds(5)
-"""Time for two leaders in radio range to agree: many repetitions of their schedules."""
 EVERY: Duration = NS_PER_S
 """Period of the count of leaders."""
 LET_PASS = milliseconds(1200)
@@ -72,7 +70,8 @@ class LeaderChecker:
         for index, a in enumerate(ordered):
             for b in ordered[index + 1 :]:
                 since = max(leads[a][1], leads[b][1], self._view.healed_at)
-                if now < since + SETTLE or (event, a, b) in self._told or not self._view.linked(a, b, since, now):
+                # Time for two leaders in radio range to agree: many repetitions of their schedules.
+                if now < since + seconds(5) or (event, a, b) in self._told or not self._view.linked(a, b, since, now):
                     continue
                 self._told[event, a, b] = None
                 self._view.violate(now, "leaders", (a, b), f"robots {a} and {b} lead one event though all is well")

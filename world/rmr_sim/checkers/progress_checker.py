@@ -33,10 +33,6 @@ NO_NEARER = "no nearer"
 STILL: Duration = seconds(30)
 """Time without progress: longer than a drive without a way takes to fail (20 s), and than a silent robot is presumed
 inside (10 s)."""
-CLOSE_M = 0.05
-"""Gap between two hulls, metres, within which one robot counts as in the way of the other."""
-TOUCHES_M = 0.005
-"""Gap between a hull and an obstacle, metres, that counts as touching."""
 EVERY: Duration = NS_PER_S
 """Period of the check. An action that sleeps for less may be polling, and counts as no progress."""
 
@@ -123,10 +119,12 @@ class ProgressChecker:
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
         others = {other: world.pose(other) for other in view.robots if other != robot}
-        near = [other for other, at in others.items() if math.hypot(x - at.x, y - at.y) < 2.0 * radius + CLOSE_M]
+        # Gap between two hulls, metres, within which one robot counts as in the way of the other.
+        near = [other for other, at in others.items() if math.hypot(x - at.x, y - at.y) < 2.0 * radius + 0.05]
         if near:
             reasons.append(f"{robots_named(near)} in its way")
-        if arena.clearance(x, y) < radius + TOUCHES_M:
+        # Gap between a hull and an obstacle, metres, that counts as touching.
+        if arena.clearance(x, y) < radius + 0.005:
             reasons.append(f"it touches {closest_solid(arena, x, y)}")
         return [*reasons, *self._hindrance(robot, near)]
 
@@ -215,8 +213,6 @@ NEARER_WITHIN: Final[Duration] = seconds(60)
 """Time for a robot's width of way, that of driving aside. Escapes from a jam take 8 to 20 s each."""
 TIMES_OF_WAY: Final = 2.0
 """The time in which the robot can drive the whole way counts this often: others slow it down."""
-SAME_GOAL_M: Final = 1.0
-"""A drive that is sent to another goal within this, such as the next slot of an area, remains the same."""
 
 
 @dataclass(slots=True)
@@ -253,7 +249,8 @@ class Nearings:
             self._drives.pop(robot, None)
             return
         drive = self._drives.get(robot)
-        if drive is None or drive.action is not action or distance(*drive.goal, *goal) > SAME_GOAL_M:
+        # A drive that is sent to another goal within this, such as the next slot of an area, remains the same.
+        if drive is None or drive.action is not action or distance(*drive.goal, *goal) > 1.0:
             driven_m = driver.localiser.travelled_m
             self._drives[robot] = _Nearing(action, goal, now, driven_m, now + SHORT)
         elif now >= drive.look_at:

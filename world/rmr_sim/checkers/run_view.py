@@ -25,8 +25,6 @@ TICK: Duration = NS_PER_S // TICK_HZ + 1
 """Length of a tick, rounded up: the tolerance of a rule about time."""
 LOSS_FAIR = 0.5
 """Loss above which a link counts as cut: of twelve beacons in a row none may arrive."""
-MARGIN_DB = 6.0
-"""Margin above the receiver's sensitivity with which a link counts as reliable."""
 K = TypeVar("K")
 V = TypeVar("V")
 
@@ -150,7 +148,8 @@ class RunView:
         bx, by, _ = world.pose(b)
         loss = path_loss_db(math.hypot(ax - bx, ay - by), config.exponent)
         spread = SHADOWING_SIGMAS * config.shadowing_db
-        return config.tx_power_dbm - loss - spread >= config.sensitivity_dbm + MARGIN_DB
+        # Margin above the receiver's sensitivity with which a link counts as reliable.
+        return config.tx_power_dbm - loss - spread >= config.sensitivity_dbm + 6.0
 
     # -- healing ----------------------------------------------------------------------------------------------
 

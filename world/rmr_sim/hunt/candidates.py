@@ -24,8 +24,6 @@ SLOW_MS = 100, 200, 400, 1000
 """Milliseconds between two calls of a slow robot."""
 ANYWHERE_MS_MAX = 30_000
 """Range of the instants that are attacked where a run has no supports."""
-LOOPS = 3
-"""Crashes of a restart loop."""
 LOOP_DEAD_MS = 200, 3000
 LOOP_ALIVE_MS = 200, 5000
 """Ranges of the times for which a robot is dead and alive in a restart loop."""
@@ -122,7 +120,7 @@ def _loop(attack: Attack) -> list[Harm]:
     """Restart one of the robots again and again, from when the support is needed on."""
     robot = attack.either
     harms = [Harm(HarmKind.CRASH, (robot,), *attack.window(*LOOP_DEAD_MS))]
-    while len(harms) < LOOPS:
+    while len(harms) < 3:  # crashes of a restart loop
         since_ms = harms[-1].until_ms + attack.length_ms(*LOOP_ALIVE_MS)
         harms.append(Harm(HarmKind.CRASH, (robot,), since_ms, since_ms + attack.length_ms(*LOOP_DEAD_MS)))
     return harms

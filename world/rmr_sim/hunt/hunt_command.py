@@ -34,12 +34,8 @@ if TYPE_CHECKING:
 HUNT_FILE = "hunt.json"
 BUDGET_NS = 600 * NS_PER_S
 """Budget of a hunt that names none."""
-PROGRESS_FIRST_S = 10.0
-"""Time of the first line of progress, where standard error is no terminal; the time doubles with each line."""
 PROGRESS_PERIOD_S_MAX = 600.0
 """Longest time between two lines of progress."""
-REFRESH_S = 0.2
-"""Period of the line of progress on a terminal."""
 
 
 def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
@@ -182,7 +178,8 @@ def _state(search: HuntSearch, found: int) -> str:
 def _progress() -> Iterator[Callable[[str], None]]:
     """Show the state of a hunt: one line that changes on a terminal, lines at growing intervals elsewhere."""
     began_s = time.monotonic()
-    next_s = PROGRESS_FIRST_S if not sys.stderr.isatty() else 0.0
+    # Time of the first line of progress, where standard error is no terminal; the time doubles with each line.
+    next_s = 10.0 if not sys.stderr.isatty() else 0.0
     with ExitStack() as stack:
         status = stack.enter_context(_status() if sys.stderr.isatty() else nullcontext())
 
@@ -197,7 +194,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
                 next_s = took_s + min(took_s, PROGRESS_PERIOD_S_MAX)
             else:
                 status.update(line)
-                next_s = took_s + REFRESH_S
+                next_s = took_s + 0.2  # period of the line of progress on a terminal
 
         yield tell
 

@@ -101,8 +101,6 @@ CORPUS_MAX = 16
 """Good runs of a round that are extended: those in which robots came closest."""
 HARMS_MAX = 6
 """Bound of the harms of one candidate."""
-EXTENDED = 0.6
-"""Probability that a candidate extends a run with faults, not the one without."""
 DRAWS_MAX = 100
 """Draws for one candidate: of a list that is new and possible."""
 SEED_MAX = 1_000_000
@@ -213,7 +211,8 @@ class HuntSearch:
         chance = self._chance
         for _ in range(DRAWS_MAX):
             parent = current.corpus[0]
-            if len(current.corpus) > 1 and chance.random() < EXTENDED:
+            # Probability that a candidate extends a run with faults, not the one without.
+            if len(current.corpus) > 1 and chance.random() < 0.6:
                 parent = current.corpus[1 + int((len(current.corpus) - 1) * chance.random() ** 2)]
             added = attacked(parent.supports, self._lab.roster, self._methods, chance)
             harms = (*parent.trial.harms, *added)

@@ -28,10 +28,6 @@ SAMPLE_TICKS = 6
 NEAR_M = 0.5
 """Gap of two hulls, metres, within which robots that close in depend on each other: 1.25 s of two that meet at full
 speed, three times what they need to stand. The closest calls are tried first."""
-PARTED_M = 0.03
-"""Growth of a gap, metres, after which two robots count as parting: what follows is another approach."""
-MOVES_MPS = 0.02
-"""Speed above which a robot counts as moving, m/s."""
 SUPPORTS_MAX = 400
 """Bound of the supports of a run; the closest calls are kept."""
 APART_M = 1.0
@@ -131,12 +127,13 @@ class LineageObserver:
                 gap_m = math.dist(places[one], places[other]) - 2.0 * radius
                 pair = (one, other)
                 known = self._near.get(pair)
-                if known is not None and gap_m > known.margin_m + PARTED_M:
+                # Growth of a gap, metres, after which two robots count as parting: what follows is another approach.
+                if known is not None and gap_m > known.margin_m + 0.03:
                     self._found.append(self._near.pop(pair))
                 elif gap_m < (NEAR_M if known is None else known.margin_m) and self._was:
                     speeds = [math.dist(self._was[robot], places[robot]) / period_s for robot in pair]
                     closes = math.dist(self._was[one], self._was[other]) - 2.0 * radius > gap_m
-                    if closes and max(speeds) > MOVES_MPS:
+                    if closes and max(speeds) > 0.02:  # speed above which a robot counts as moving, m/s
                         mover, stander = pair if speeds[0] >= speeds[1] else (other, one)
                         self._near[pair] = self._support(now, mover, stander, "near", gap_m)
 
