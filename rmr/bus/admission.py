@@ -56,8 +56,6 @@ VERSION: Final = 9
 CLIENT: Final = 2
 """The role that this client claims in the handshake."""
 
-TLS_ALERT: Final = b"\x15\x03"
-"""First octets of what a program that expects TLS answers to anything else."""
 
 LENGTH_OCTETS: Final = 2
 """Length of the length field, little-endian, before each message on TCP."""
@@ -157,7 +155,7 @@ def _first_answer(endpoint: str) -> int | None:
             return SILENT
         except OSError:
             return FOREIGN
-    if answer.startswith(TLS_ALERT):
+    if answer.startswith(b"\x15\x03"):  # first octets of what a program that expects TLS answers to anything else
         return TLS
     length = int.from_bytes(answer[:LENGTH_OCTETS], "little")
     whole = length and len(answer) == LENGTH_OCTETS + length

@@ -21,8 +21,6 @@ DEFAULT_TLS_ENDPOINT = f"tls/127.0.0.1:{DEFAULT_PORT}"
 RESOLVE_S_MAX = 2.0
 """How long a name may take to be found."""
 
-RESOLVE_AGAIN_S = 1.0
-"""Time for which a host that was not found is not looked for again."""
 
 _not_found: dict[str, float] = {}
 """When each host that was not found was looked for last, monotonic seconds."""
@@ -84,7 +82,8 @@ def host_problem(endpoint: str) -> str:
     try:
         ip_address(host)
     except ValueError:
-        if time.monotonic() - _not_found.get(host, -math.inf) < RESOLVE_AGAIN_S or not _found(host):
+        # Time for which a host that was not found is not looked for again.
+        if time.monotonic() - _not_found.get(host, -math.inf) < 1.0 or not _found(host):
             return f": there is no host {host}"
     return ""
 

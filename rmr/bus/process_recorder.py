@@ -14,9 +14,6 @@ from rmr.record.foxglove_messages import log_message
 from rmr.record.record_writer import RecordWriter
 from rmr.record.run_about import LAUNCHER_PROCESS, RunAbout, about_run
 
-FLUSH_S = 1.0
-"""Period with which what has been recorded is put into the file: so much is lost of a process that is killed."""
-
 LINES_MAX = 200
 """Bound of the log lines that wait for the file to begin."""
 
@@ -81,7 +78,9 @@ class ProcessRecorder(logging.Handler):
     async def keep_flushed(self) -> None:
         """Put what has been recorded into the file once a second, without end."""
         while True:
-            await asyncio.sleep(FLUSH_S)
+            # Period with which what has been recorded is put into the file: so much is lost of a process that is
+            # killed.
+            await asyncio.sleep(1.0)
             if self.writer is not None:
                 self.writer.flush()
                 self._tell_failure()

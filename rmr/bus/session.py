@@ -43,12 +43,6 @@ from rmr.bus.middleware import (
     open_router,
 )
 
-EAGER_TRIES = 50
-"""Attempts with the first pause before it doubles: processes that start together connect without delay."""
-
-PART_PAUSE_S = 0.002
-"""Pause between the parts of a large message: 24 MB/s at most, which the middleware's queue takes without loss."""
-
 EXCESS_MAX = 16
 """Senders with messages beyond their rate that a process tells of."""
 
@@ -57,12 +51,6 @@ Answer = Callable[[wire.Envelope, int], wire.Message | None]
 
 REFUSED_PATIENCE_S = 2.0
 """Time for which a refused client retries: a router that is starting or ending refuses for a moment."""
-
-REFUSED_PAUSE_S = 0.4
-"""Pause between the attempts of a refused client."""
-
-REFUSALS_REPORTED = 2
-"""Refusals in a row after which a client that has lost its router is notified."""
 
 
 def open_bus(
@@ -100,14 +88,15 @@ async def open_when_there(
             refused_s = now_s if refused_s is None else refused_s
             if now_s - refused_s >= REFUSED_PATIENCE_S:
                 raise
-            await asyncio.sleep(REFUSED_PAUSE_S)
+            await asyncio.sleep(0.4)  # pause between the attempts of a refused client
             continue
         except NobodyThereError:
             refused_s = None
             waiting()
         await asyncio.sleep(pause_ms / 1000)
         tries += 1
-        if tries > EAGER_TRIES:
+        # Attempts with the first pause before it doubles: processes that start together connect without delay.
+        if tries > 50:
             pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
 
 
@@ -131,7 +120,7 @@ async def watch_admission(bus: "Bus", connect: str, secret: Credentials | None, 
             admitted_by = router
         except NotAdmittedError as error:
             refusals += 1
-            if refusals == REFUSALS_REPORTED:
+            if refusals == 2:  # refusals in a row after which a client that has lost its router is notified
                 refused(str(error))
         except BusError:
             refusals = 0
@@ -237,7 +226,9 @@ class Bus:
                 if self._closed:
                     break
                 self._publisher(key).put(wire.encode(*self._envelope(key, part)))
-                await asyncio.sleep(PART_PAUSE_S)
+                # Pause between the parts of a large message: 24 MB/s at most, which the middleware's queue takes
+                # without loss.
+                await asyncio.sleep(0.002)
         self._line.hand_round(self, key, message)
         return len(data)
 

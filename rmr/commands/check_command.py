@@ -34,10 +34,6 @@ include, and what remains is printed. Warnings are left alone: there the program
 """
 
 
-FIX_PASSES = 10
-"""Behind a syntax error that has been corrected there may be further errors, which are corrected in the next pass."""
-
-
 def _declare(parser: Parser) -> None:
     parser.positional("programs", "PROG.rmr|LAB", count="+", usage="PROG.rmr|LAB...")
     parser.flag("--json", dest="as_json", help="Print the diagnostics as one JSON document on stdout.")
@@ -62,7 +58,8 @@ def _check(programs: list[Path], as_json: bool, fix: bool, explain: bool, svg: P
 
     code = 0
     compilations = [compile_file(path) for path in programs]
-    for _ in range(FIX_PASSES if fix else 0):
+    # Behind a syntax error that has been corrected there may be further errors, which are corrected in the next pass.
+    for _ in range(10 if fix else 0):
         if code or not any(each.fix for every in compilations for each in every.errors):
             break
         code = _correct(compilations)

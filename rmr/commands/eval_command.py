@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 PROGRESS_AFTER_S = 2.0
 """Wall time before the progress line appears on a terminal, seconds."""
-PROGRESS_EVERY_S = 0.5
-"""Refresh period of the progress line, seconds of wall time."""
 COLUMNAR = "columnar"
 """The engine that runs all robots at once as columns, if the program is suited."""
 WARNINGS_MAX = 8
@@ -306,7 +304,7 @@ class ProgressLine:
         """Renew the line if its period has passed."""
         if not self._terminal or time.monotonic() < self._next:
             return
-        self._next = time.monotonic() + PROGRESS_EVERY_S
+        self._next = time.monotonic() + 0.5  # refresh period of the progress line, seconds of wall time
         self._shown = True
         run = self._run
         at = f"{run.now / 1e9:.3f} s of {self._until / 1e9:g} s"

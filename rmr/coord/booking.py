@@ -1,14 +1,9 @@
 """One job in the books of a leader, as the order of jobs and the schedule see it."""
 
-from typing import Final
-
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.messages import Entry, Job, Phase, on_grid
 from rmr.coord.schedule import Task
 from rmr.coord.timing import MS, ScheduleTiming
-
-SETS_OUT: Final[Duration] = 500 * MS
-"""A robot may have set out earlier than its approach requires by this."""
 
 
 class Booking:
@@ -136,7 +131,8 @@ class Booking:
 
     def has_set_out(self, now: Instant) -> bool:
         """Return whether the robot, which sets out just in time for its slot, has done so."""
-        return self.start is not None and self.start - self.approach <= now + SETS_OUT
+        # A robot may have set out earlier than its approach requires by this.
+        return self.start is not None and self.start - self.approach <= now + 500 * MS
 
 
 def task_of(booking: Booking, now: Instant, grace: Duration) -> Task:

@@ -26,8 +26,6 @@ HOPS_AT_ONCE_MAX = 1000
 """Longest chain of answers within one instant: a flood through a thousand robots in a line needs as many."""
 LATENCY: Duration = milliseconds(5)
 """The usual latency, also the least one once the robots have answered each other without end."""
-REPEATS_KNOWN = 16
-"""Frames without a number that are remembered per robot: such repeats follow each other within half a second."""
 RSSI_DBM = -40.0
 """Signal strength of every reception, in dBm; the emulated links have no path loss."""
 LQI = 255
@@ -70,7 +68,8 @@ class EtherLink:
         self._confirmed: list[Confirmed] = []
         self._newest: dict[int, tuple[int, int]] = {}
         """Per destination: sequence and part of the newest frame of the exchange."""
-        self._said: deque[tuple[int | None, bytes]] = deque(maxlen=REPEATS_KNOWN)
+        # Frames without a number that are remembered per robot: such repeats follow each other within half a second.
+        self._said: deque[tuple[int | None, bytes]] = deque(maxlen=16)
         self._instant: Instant = -1
         self._hops = 0
         self.on = True

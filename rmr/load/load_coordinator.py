@@ -17,16 +17,13 @@ takes a robot that is cut off for the last quarter of the lead, and not before.
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Final
+from typing import Any
 
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.load.fragments import Fragments
 from rmr.load.load_messages import LoadError, LoadKind, LoadMessage, decode, numbers_of
 from rmr.load.load_pace import LoadPace
 from rmr.load.program_loader import Out
-
-ABORTS: Final = 10
-"""How often a robot that does not confirm is told that the load has failed."""
 
 
 class LoadPhase(Enum):
@@ -267,7 +264,7 @@ class LoadCoordinator:
 
     def _tell_abort(self, now: Instant) -> None:
         open_ = [robot for robot, target in self._targets.items() if target.answered and not target.aborted]
-        if not open_ or self._aborts >= ABORTS:
+        if not open_ or self._aborts >= 10:  # how often a robot that does not confirm is told that the load has failed
             self._end(switched=False)
             return
         if now >= self._poll_at:

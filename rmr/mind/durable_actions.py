@@ -12,7 +12,7 @@ This module is never compiled, like the modules of handlers (`rmr.node.actions.h
 
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import replace
-from typing import Any, Final, cast
+from typing import Any, cast
 
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
@@ -26,9 +26,6 @@ from rmr.mind.replayed_actions import LOST, ReplayedAction
 from rmr.node.actions.dispatcher import Handler, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause
 from rmr.node.actions.node_handle import NodeHandle
-
-INTERRUPTED: Final = "interrupted: the robot was started again"
-"""The failure of an action that was under way when the robot died."""
 
 
 class DurableActions:
@@ -173,7 +170,8 @@ class DurableAction:
             self._life = self._owner.lives
             self._drop()
             if self._called and self._owner.fails(self._handler.name):
-                raise ActionFailed(INTERRUPTED)
+                # The failure of an action that was under way when the robot died.
+                raise ActionFailed("interrupted: the robot was started again")
             begun = self.begun()
             if begun is not self:
                 raise ActionFailed("its handler is no `async def`")

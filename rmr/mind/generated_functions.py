@@ -4,10 +4,7 @@ A match may wait with the function that inserts what it derives. Such a function
 placeholder before: both have one name, and do the same.
 """
 
-from typing import Any, Final
-
-_PLACEHOLDER: Final = "Module._first.<locals>.first"
-"""The placeholder of a function that has not been used."""
+from typing import Any
 
 
 class GeneratedFunctions:
@@ -19,7 +16,8 @@ class GeneratedFunctions:
 
     def name_of(self, function: Any) -> str | None:
         """Return the name of a generated function, or of its placeholder; None for another one."""
-        if function.__qualname__ == _PLACEHOLDER:
+        # The placeholder of a function that has not been used.
+        if function.__qualname__ == "Module._first.<locals>.first":
             held = dict(zip(function.__code__.co_freevars, function.__closure__, strict=True))
             name = str(held["name"].cell_contents)
         elif function.__globals__ is self._names:

@@ -35,10 +35,6 @@ ACT_REFRESH: Final[Duration] = milliseconds(33)
 STALE: Final[Duration] = milliseconds(100)
 """With an older sample the robot stands: it describes another situation. A body that stands is sampled at least this
 often, one that drives in each frame."""
-SPOT_GAP_M: Final = 0.06
-"""Gap between the hulls of two robots that stand in one box."""
-SPOT_INSET_M: Final = 0.03
-"""Distance of a spot from the box's edge, so that localisation noise does not put the robot outside."""
 SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
@@ -395,6 +391,7 @@ def spots(arena: Arena, area: Area) -> tuple[Point, ...]:
 
 def _row(length_m: float, radius_m: float) -> list[float]:
     """Return the offsets from the middle of as many robots as stand side by side with their centres in `length_m`."""
-    step = 2 * radius_m + SPOT_GAP_M
-    count = 1 + max(0, int((length_m - 2 * SPOT_INSET_M) / step))
+    step = 2 * radius_m + 0.06  # gap between the hulls of two robots that stand in one box
+    # Distance of a spot from the box's edge, so that localisation noise does not put the robot outside.
+    count = 1 + max(0, int((length_m - 2 * 0.03) / step))
     return [(i - (count - 1) / 2) * step for i in range(min(count, SPOTS_MAX))]

@@ -7,8 +7,6 @@ A frame that does not parse, or that no robot of this program could have sent, i
 counted, noted and dropped.
 """
 
-from typing import Final
-
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol
 from rmr.node import payloads
@@ -22,9 +20,6 @@ from rmr.node.peers.presence import Presence, decode_hello_cached
 from rmr.node.ports import RadioPort, Received, Spoken
 from rmr.node.robot_state import RobotState
 from rmr.vm.provenance import DeliveredCause
-
-UNNAMED_FAILURE: Final = "broadcast"
-"""Name told to the program of a failure broadcast that no missed deadline derived."""
 
 
 class Transmitter:
@@ -211,5 +206,6 @@ class Messenger:
         if digest != self._state.digest or (assertion is not None and assertion >= len(assertions)):
             return
         self._state.mark_dirty()
-        name = UNNAMED_FAILURE if assertion is None else assertions[assertion].name
+        # Name told to the program of a failure broadcast that no missed deadline derived.
+        name = "broadcast" if assertion is None else assertions[assertion].name
         self._state.senses.add(now, "failed", (Robot(frame.source), Symbol(name)))

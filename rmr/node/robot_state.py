@@ -4,10 +4,10 @@
 instant, how old its input may be, what is still to be done.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from rmr.base.streams import Choices
-from rmr.base.time import Duration, Instant, milliseconds
+from rmr.base.time import Instant, milliseconds
 from rmr.bytecode.program import Anything, Program
 from rmr.node.actions.action_log import ActionBegun, ActionEnded, ActionLog
 from rmr.node.config import FinishPattern, NodeConfig
@@ -19,9 +19,6 @@ from rmr.node.ports import BodyPort
 from rmr.node.trace import Trace, TraceLevel
 from rmr.vm.engines import new_machine
 from rmr.vm.machine import Machine
-
-SUSPENDED_AFTER: Final[Duration] = milliseconds(150)
-"""Time without a call after which the host counts as suspended: input may then be as old as the previous call."""
 
 
 class ProgramBegun(NamedTuple):
@@ -88,7 +85,8 @@ class RobotState:
 
     def suspended(self, now: Instant) -> bool:
         """Return whether a call at `now` would come after a suspension of the host."""
-        return now - self.now > SUSPENDED_AFTER
+        # Time without a call after which the host counts as suspended: input may then be as old as the previous call.
+        return now - self.now > milliseconds(150)
 
     def mark_dirty(self) -> None:
         """Have rules, actions and crossings looked at in this call."""

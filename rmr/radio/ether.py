@@ -26,7 +26,7 @@ from rmr.radio.air import ACK_ATTEMPT, Announcement
 from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.cells import Cell
 from rmr.radio.ether_station import EtherStation, Medium, Take
-from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
+from rmr.radio.frame import BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
 from rmr.radio.path_loss_map import Floats, PathLossMap, Places
@@ -63,7 +63,6 @@ FEW: Final = 12
 REACH_CELLS: Final = 2
 """Distance in cells within which the transmitters of two frames can have a receiver in common."""
 
-_ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 _WORD: Final = 4294967296.0
 """2**32, as arrays of draws need it; see `phy.is_right`."""
 _ORDER: Final = attrgetter("order")

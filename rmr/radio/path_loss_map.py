@@ -7,7 +7,7 @@ result for a transmitter is cached until a station moves, unless shadowing or di
 
 from bisect import insort
 from math import inf
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
 Floats = NDArray[np.float64]
 Places = Any
 """An index array, in order, or a slice."""
-
-STATIONS_FIRST: Final = 64
-"""Initial capacity in stations; it doubles when it is used up."""
 
 
 class ReachedStations(NamedTuple):
@@ -51,7 +48,7 @@ class PathLossMap:
         self._members: dict[Cell, list[int]] = {}
         self._within: dict[Cell, Places] = {}
         self._reached: dict[int, ReachedStations] = {}
-        self.room = STATIONS_FIRST
+        self.room = 64  # initial capacity in stations; it doubles when it is used up
         """Length of all arrays."""
         self.x = np.zeros(self.room)
         self.y = np.zeros(self.room)

@@ -33,10 +33,6 @@ from rmr.record.recording import (
 from rmr.record.run_about import LAUNCHER_PROCESS, METADATA_NAME
 from rmr.record.run_files import REPORT
 
-JOINED: Final = "joined"
-"""The process of a file that several files were joined into."""
-
-
 PARTS_NAME: Final = "parts"
 """The metadata record of a joined file with the files that it holds: name, and octets. A part that could not be removed
 is not joined twice."""
@@ -204,7 +200,8 @@ def report_of(folder: Path) -> bytes | None:
 def rewrite(recording: Recording, target: Path, report: bytes | None, parts: Mapping[str, str] | None = None) -> Joined:
     """Write `recording` to `target`, with `report` if it has none; `parts` are noted in it. Raises RecordingError."""
     partial = target.with_name(f".{target.name}.new")
-    process = JOINED if len(recording.parts) > 1 else recording.about.process
+    # The process of a file that several files were joined into.
+    process = "joined" if len(recording.parts) > 1 else recording.about.process
     writer = RecordWriter(partial, replace(recording.about, process=process))
     try:
         _copy_files(recording, writer, report)

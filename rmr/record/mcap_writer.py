@@ -16,8 +16,6 @@ from rmr.record import mcap_format
 from rmr.record.mcap_format import HEAD, MAGIC, MESSAGE_FIXED, MESSAGE_HEAD, RecordCode
 
 PROFILE: Final = "rmr"
-CHUNK_OCTETS: Final = 64 * 1024
-"""Size at which a chunk is closed: of a file cut short this much is lost at most, and more compresses hardly better."""
 COMPRESSION: Final = "zstd"
 COMPRESSION_LEVEL: Final = 1
 _INSTANT: Final = itemgetter(0)
@@ -109,7 +107,9 @@ class McapWriter:
         """Take a message of `channel` into the present chunk; write the chunk if it is full."""
         self._pending.append((at, channel, data))
         self._pending_octets += MESSAGE_HEAD.size + len(data)
-        if self._pending_octets >= CHUNK_OCTETS:
+        # Size at which a chunk is closed: of a file cut short this much is lost at most, and more compresses hardly
+        # better.
+        if self._pending_octets >= 64 * 1024:
             self.flush()
 
     def flush(self) -> None:

@@ -46,14 +46,8 @@ from rmr.why.turn_order import waits_behind
 
 STEPS_MAX = 100_000
 """Steps of one critical path; each goes back in time, or in the order of what happened at one instant."""
-WHEELS_GO_ON = milliseconds(100)
-"""A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long."""
-CALLED_LATE = "its host called it late"
-OLD_SAMPLE = "its newest sample was old"
 DIED = "its process had ended"
 STOPPED = "it was stopped as somebody asked for"
-LINE_UP = "lineup"
-"""The action that drives to a place in a queue."""
 
 Step = Callable[[], "Step | None"]
 """One step back; returns the next one, or None where the path has no more."""
@@ -124,9 +118,10 @@ class CriticalPath:
         parts = [Interval(since, self._cursor, owner, robot, whom, detail)]
         history = self._histories.get(robot)
         if history is not None and owner is not TimeOwner.UNKNOWN:
-            coasts = WHEELS_GO_ON if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
+            # A robot that drives loses nothing by a call that comes later by no more: its wheels turn on for so long.
+            coasts = milliseconds(100) if owner in (TimeOwner.DRIVE, TimeOwner.QUEUE) else 0
             late = [(due, called) for due, called in history.late if called - due > coasts]
-            parts = without(parts, late, TimeOwner.LATE_TICK, robot, CALLED_LATE)
+            parts = without(parts, late, TimeOwner.LATE_TICK, robot, "its host called it late")
             parts = without(parts, history.absences(stopped=False), TimeOwner.DEAD, robot, DIED)
             parts = without(parts, history.absences(stopped=True), TimeOwner.STOPPED, robot, STOPPED)
         self._found.extend(reversed(parts))
@@ -157,9 +152,10 @@ class CriticalPath:
             detail = f"{why.rule}: {why.place}" if why.place else why.rule
             self._cover(begin, TimeOwner.STANDING, robot, why.robots, detail)
         else:
-            lines_up = self._program.predicates[drive.predicate].name == LINE_UP
+            # The action that drives to a place in a queue.
+            lines_up = self._program.predicates[drive.predicate].name == "lineup"
             owner = TimeOwner.QUEUE if lines_up and state.motion is Motion.DRIVES else OWNER_OF[state.motion]
-            detail = OLD_SAMPLE if state.motion is Motion.UNWATCHED else text
+            detail = "its newest sample was old" if state.motion is Motion.UNWATCHED else text
             if state.motion is Motion.LOCATES and why.place:
                 detail = f"{text}: {why.place}"
             self._cover(begin, owner, robot, (), detail)

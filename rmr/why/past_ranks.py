@@ -24,9 +24,6 @@ from rmr.vm.store import Fact, Store
 from rmr.why.past_items import PastFact
 from rmr.why.rule_words import item_text, rule_name
 
-STEPS_SHOWN = 10
-"""Steps of a way that an answer shows, the first ones; of the others the number."""
-
 
 class RankSource(StrEnum):
     """How a rank was found."""
@@ -140,7 +137,7 @@ class PastRanks:
 def way_text(program: Program, robot: int, way: Sequence[GoalStep]) -> str:
     """Return the firings of a way: what each derives, by which rule, over which facts."""
     steps = []
-    for step in way[:STEPS_SHOWN]:
+    for step in way[:10]:  # steps of a way that an answer shows, the first ones; of the others the number
         over = ", ".join(item_text(program, predicate, robot, args) for predicate, args in step.facts)
         derives = item_text(program, step.predicate, robot, step.args)
         steps.append(f"{derives} by {rule_name(program, step.rule)}" + (f" over {over}" if over else ""))

@@ -23,12 +23,8 @@ LOOK_EVERY: Final = seconds(1)
 """How often a robot looks whether others that stand bar its way."""
 FREE_AFTER: Final = seconds(5)
 """They bar it no longer when no look has found so for this long."""
-OVERDUE_S: Final = 5.0
-"""Lateness at which a straight drive fails: it does not drive around what is in its way."""
 LAST_S: Final = 1e9
 """Largest instant of a program, seconds; larger numbers are cut to it. No lab runs for so long."""
-CLOSE_M: Final = 0.01
-"""Tolerance of the distance to an obstacle: a robot beside one may seem to stand this far inside it."""
 
 
 class Drive(LocatedSteps):
@@ -282,11 +278,13 @@ class ReachDrive(LocatedSteps):
         goal = self._goal
         begins = _instant(self._begins)
         ends = _instant(self._ends)
-        if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
+        # Tolerance of the distance to an obstacle: a robot beside one may seem to stand this far inside it.
+        if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - 0.01:
             bars = solid_between(node.arena, start, goal) or "an obstacle"
             raise ActionFailed(f"{bars} is in the straight way there")
         self._straight = Straight(start, goal, begins, ends, node.arena.shape)
-        self._overdue = max(ends, started + ends - begins) + seconds(OVERDUE_S)
+        # Lateness at which a straight drive fails: it does not drive around what is in its way.
+        self._overdue = max(ends, started + ends - begins) + seconds(5.0)
         self._drives = True
         return self._steer()
 

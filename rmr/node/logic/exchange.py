@@ -70,8 +70,6 @@ several times in between."""
 HELD_MAX: Final[Duration] = TIME_TO_LIVE + seconds(5)
 """Time for which a delivery is held back at most. By then its sender has given up whatever was missing when it came,
 for that was sent before it."""
-GREET_AFTER: Final[Duration] = milliseconds(50)
-"""Shortest time between two answers to a robot that means an earlier life: the frames of one burst get one answer."""
 CLOCKS_APART: Final[Duration] = seconds(1)
 """How far the clocks of two robots may differ; a life that ended later than that is a malformed word."""
 WAITING_MAX: Final = 10_000
@@ -484,7 +482,9 @@ class Exchange:
             self.foreign += 1
             return False
         self.late += 1
-        if self._greeted[0] != source or now >= self._greeted[1] + GREET_AFTER:
+        # Shortest time between two answers to a robot that means an earlier life: the frames of one burst get one
+        # answer.
+        if self._greeted[0] != source or now >= self._greeted[1] + milliseconds(50):
             self._greeted = source, now
             self.outbox.append((payloads.encode_life(self._epoch, self.predecessor_ended), source, NEVER))
         return False

@@ -30,8 +30,6 @@ OFFERED_MIN_FPS = 1e-6
 """A frame in eleven days."""
 OFFERED_MAX_FPS = 100_000.0
 """Hundreds of times what the channel carries."""
-SATURATED_FPS = 240.0
-"""Upper bound on the frames that one saturated sender sends in a second."""
 FRAMES_MAX = 5_000_000
 """Frames of one run: the story of each is kept to its end, about a gigabyte in all."""
 
@@ -65,7 +63,8 @@ def check_load(senders: int, offered_fps: float | None, measured_s: float) -> No
         raise ValueError(f"{measured_s:g} s: write more than 0, at most {SECONDS_MAX:g} (a day)")
     if offered_fps is not None and not OFFERED_MIN_FPS <= offered_fps <= OFFERED_MAX_FPS:
         raise ValueError(f"{offered_fps:g} frames/s offered: write {OFFERED_MIN_FPS:g} to {OFFERED_MAX_FPS:g}")
-    frames = measured_s * (senders * SATURATED_FPS if offered_fps is None else offered_fps)
+    # Upper bound on the frames that one saturated sender sends in a second.
+    frames = measured_s * (senders * 240.0 if offered_fps is None else offered_fps)
     if frames > FRAMES_MAX:
         raise ValueError(f"up to {frames:,.0f} frames a run, at most {FRAMES_MAX:,}: try more runs of less time")
 

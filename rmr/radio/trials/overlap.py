@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import log10
 
-from rmr.base.time import NS_PER_MS, Duration, Instant
+from rmr.base.time import NS_PER_MS, Instant
 from rmr.radio.air import Received
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import TURNAROUND, RadioConfig
@@ -22,8 +22,6 @@ SIR_MAX_DB = 29.0
 """The second sender then stands at a metre, at exponent 3; nearer the path loss does not fall."""
 OFFSET_MAX_US = 5_000.0
 """Longer than a frame of any size: there is nothing left to overlap."""
-PERIOD: Duration = 20 * NS_PER_MS
-"""From one pair of frames to the next; longer than any pair takes."""
 
 RECEIVER = 0
 FIRST = 1
@@ -89,7 +87,8 @@ def _sample(case: Overlap, config: RadioConfig, seed: int) -> tuple[int, int]:
         start = scene.kernel.now + TURNAROUND
         _transmit(scene, FIRST, case.psdu, index, start)
         _transmit(scene, SECOND, case.psdu, index, start + round(1_000 * case.offset_us))
-        scene.kernel.run_until((index + 1) * PERIOD)
+        # From one pair of frames to the next; longer than any pair takes.
+        scene.kernel.run_until((index + 1) * (20 * NS_PER_MS))
     return received[FIRST], received[SECOND]
 
 
