@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from rmr.entry.workers import end_with_parent, interrupted_later
-from rmr_sim.interruption import LOOK_S, Interruption
+from rmr_sim.interruption import Interruption
 
 if TYPE_CHECKING:
     from rmr_sim.cluster_pool import ClusterPool

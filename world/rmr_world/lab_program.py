@@ -20,9 +20,8 @@ from rmr.lang.diagnostics.render import render_text, to_json
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
-from rmr_world.finding import Finding, LabError
+from rmr_world.finding import Finding, LabError, near_miss
 from rmr_world.lab import Lab, ProgramLoad
-from rmr_world.near_miss import near_miss
 from rmr_world.validate.pipeline import run_findings
 
 

@@ -5,8 +5,7 @@ No robot touches another one, an obstacle or a wall, and a robot that takes itse
 
 from rmr.base.time import Instant, milliseconds
 from rmr.node.motion.localiser import MISTAKEN_M
-from rmr_sim.checkers.coordination_checkers import LeaderChecker, ScheduleChecker
-from rmr_sim.checkers.deadline_checker import DeadlineChecker
+from rmr_sim.checkers.coordination_checkers import DeadlineChecker, LeaderChecker, ScheduleChecker
 from rmr_sim.checkers.delivery_checker import DeliveryChecker
 from rmr_sim.checkers.passage_checker import PassageChecker
 from rmr_sim.checkers.progress_checker import ProgressChecker

@@ -21,7 +21,7 @@ from rmr.radio.security import UNSECURED
 from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
-from rmr_world.finding import FilePath, Finding
+from rmr_world.finding import FilePath, Finding, near_miss
 from rmr_world.found_passages import found_passages
 from rmr_world.lab import (
     KEYED,
@@ -39,7 +39,6 @@ from rmr_world.lab import (
     Stall,
 )
 from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
-from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import StatedFact
 from rmr_world.schema import RADIUS_M_MIN, AreaSpec, FaultSpec, LinkSpec, RadioSpec, RobotSpec, Ros2Spec
 from rmr_world.validate.schema_conformance import SchemaResult

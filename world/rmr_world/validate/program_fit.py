@@ -10,9 +10,8 @@ from rmr.analysis.area_uses import LINEUP, AreaUse, area_uses, areas_in_fact
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Base, Kind, Program, Type
 from rmr.bytecode.provided import PREDICATES
-from rmr_world.finding import Finding
+from rmr_world.finding import Finding, near_miss
 from rmr_world.lab import Lab
-from rmr_world.near_miss import near_miss
 from rmr_world.random_facts import Range, StatedFact
 
 PROVIDED_FACTS = tuple(PREDICATES)

@@ -10,9 +10,8 @@ from rmr.base.time import in_seconds
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
-from rmr_world.finding import Finding
+from rmr_world.finding import Finding, near_miss
 from rmr_world.lab import PROGRAM_SUFFIXES, Kill, Restart
-from rmr_world.near_miss import near_miss
 from rmr_world.quorum import ALL
 from rmr_world.validate.lab_draft import LabDraft
 

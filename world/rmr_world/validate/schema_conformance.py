@@ -14,8 +14,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from rmr_world.document import Document
-from rmr_world.finding import END_LINE, FilePath, Finding, LabError
-from rmr_world.near_miss import near_miss
+from rmr_world.finding import END_LINE, FilePath, Finding, LabError, near_miss
 from rmr_world.schema import LAB_NAME, NAME, NAMESPACE, PYTHON_FILE, TOPIC, LabFile, json_schema
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts", "bodies"}
