@@ -19,7 +19,7 @@ from rmr.columns.numbers import Array, write
 
 
 class GoalWatch(Protocol):
-    """The receiver of a block's new facts: `rmr.columns.column_goals`."""
+    """The receiver of a block's new facts: `rmr.columns.columns`."""
 
     def inserted(self, block: "Block", predicate: int, rows: Array) -> None:
         """Handle new facts of `predicate` in `rows`."""

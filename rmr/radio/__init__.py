@@ -12,7 +12,7 @@
 | `air`, `cells` | announcements of transmissions, and the cells of the floor by which they are published |
 | `station` | the radio of one robot process, which hears of other transmissions by announcements |
 | `ether`, `ether_station` | all radios of a lab in virtual time |
-| `waves`, `path_loss_map`, `bulk_counters` | what the ether computes for all receivers of a frame at once, as arrays |
+| `waves`, `path_loss_map` | what the ether computes for all receivers of a frame at once, as arrays |
 | `trials` | experiments |
 
 Nothing here knows what payloads mean.

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from rmr.base.kernel import AIR, Kernel
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement
-from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.cells import Cell
-from rmr.radio.ether_station import EtherStation, Medium, Take
+from rmr.radio.ether_station import BulkCounters, EtherStation, Medium, Take
 from rmr.radio.frame import BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac

@@ -13,6 +13,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.bytecode.decoder": "one class that mirrors the encoder, a method for each entry of the format",
     "rmr.bytecode.functions": "one table: a row for each function of the language, with its scalar function",
     "rmr.bytecode.program": "the data of the byte-code, one record for each construct",
+    "rmr.commands.radio_command": "one command: the options of each experiment, its run, and the words of its results",
     "rmr.lang.analyse.names": "the symbol table and the checks of uses against it",
     "rmr.lang.lower.emitter": "one class, a method for each construct that has code",
     "rmr.lang.read.tree_builder": "one class, a method for each rule of the grammar",

@@ -7,7 +7,7 @@ import pytest
 from command_runner import invoke
 
 from rmr.commands import subcommands
-from rmr.commands.radio_rows import NAMES
+from rmr.commands.radio_command import NAMES
 
 FILES = Path(__file__).parents[1] / "validation" / "reference"
 
