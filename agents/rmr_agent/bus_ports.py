@@ -13,8 +13,8 @@ from rmr.base.geometry import STILL, Twist
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.bus import wire
 from rmr.node.frame_log import FrameLog
-from rmr.node.payloads import PayloadKind
-from rmr.node.ports import Confirmed, PoseFix, Received, SeenBody, Sensed
+from rmr.node.payloads import LOAD_OCTET
+from rmr.node.ports import FRAMES_MAX, SAMPLES_MAX, Confirmed, PoseFix, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
 from rmr.radio.station import Station
 
@@ -24,15 +24,6 @@ RADIO_GRACE: Final[Duration] = milliseconds(4)
 AHEAD_MAX: Final[Duration] = milliseconds(1000)
 """Announcements from farther ahead in lab time are dropped: twice what a robot may go ahead of its world. They are of
 another run, as when a world begins anew and some robots have not noticed yet, and would be received in an hour."""
-
-SAMPLES_MAX: Final = 240
-"""Sensor samples that wait for the node: four seconds of a moving robot."""
-
-LOAD_OCTET: Final = bytes((PayloadKind.LOAD,))
-"""Beginning of a frame about a new program."""
-
-FRAMES_MAX: Final = 512
-"""Frames and outcomes that wait for the node."""
 
 
 class RadioLink:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from rmr.base import arena
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant, in_seconds
+from rmr.base.time import FRAME, NEVER, NS_PER_S, Duration, Instant, in_seconds
 from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE
@@ -40,8 +40,6 @@ from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.local_air import LocalAir
 from rmr_agent.program_updates import ProgramUpdates
-
-FRAME: Final[Duration] = NS_PER_S // TICK_HZ
 
 SLEEP_MAX_S: Final = 1.0
 """The longest sleep: a bound on what a wrong `next_wake` could cost."""

@@ -14,7 +14,7 @@ from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
-from rmr.load.load_endpoint import ALL, OPERATOR, LoadEndpoint
+from rmr.load.load_endpoint import ALL, LOAD_HANDLE, OPERATOR, LoadEndpoint
 from rmr.load.load_messages import LoadError
 from rmr.load.program_loader import Preview, ProgramLoader, RunningProgram
 from rmr.load.robot_fit import UnfitError, fitting_program
@@ -26,9 +26,6 @@ from rmr.node.ports import Received
 from rmr.radio.station import Station
 from rmr.vm.carrying import preview
 from rmr_agent.bytecode import Loaded, RefusedError
-
-HANDLE: Final = 0
-"""Handle of the frames; those of a node are numbered from 1."""
 
 log = logging.getLogger("rmr")
 
@@ -97,7 +94,7 @@ class ProgramUpdates:
         if destination == OPERATOR:
             self._answer(wire.Load(payload))
         else:
-            self._station.request(self._now(), payload, None if destination == ALL else destination, HANDLE)
+            self._station.request(self._now(), payload, None if destination == ALL else destination, LOAD_HANDLE)
 
     # -- what comes in ------------------------------------------------------------------------------------------
 

@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from rmr.entry import ExitCode, print_json
+from rmr_deploy.process_group import LAST_LINES
 
 PIPE_VARIABLE = "RMR_DETACHED"
 """Environment variable with the number of the pipe's write end, by which the launcher knows that it is one."""
 OUTPUT_FILE = "launcher.out"
 """What the launcher in the background writes, in the run folder."""
-LAST_LINES = 8
-"""Lines of it that are shown when the run ends before all robots are ready."""
 
 
 def start_detached(*, wait: bool, as_json: bool) -> int:

@@ -17,6 +17,8 @@ from rmr_view.run_pictures import time_end
 from rmr_view.svg_picture import (
     KIND_COLOURS,
     LABEL_STYLE,
+    LEFT,
+    WIDTH,
     Scale,
     SvgPicture,
     cross_path,
@@ -30,9 +32,7 @@ from rmr_view.svg_picture import (
 )
 from rmr_view.turn_intervals import GONE
 
-WIDTH: Final = 900.0
 FLOOR_HEIGHT: Final = 520.0
-LEFT: Final = 90.0
 RIGHT: Final = 110.0
 OCTETS_MAX: Final = 300_000
 """Bound of the file's size: images of a page should load at once."""

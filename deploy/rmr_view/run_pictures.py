@@ -12,6 +12,8 @@ from rmr_view.run_data import RunData, thinned
 from rmr_view.svg_picture import (
     KIND_COLOURS,
     LABEL_STYLE,
+    LEFT,
+    WIDTH,
     Scale,
     SvgPicture,
     deadline_path,
@@ -25,8 +27,6 @@ from rmr_view.svg_picture import (
     value_axis,
 )
 
-WIDTH: Final = 900.0
-LEFT: Final = 90.0
 RIGHT: Final = 30.0
 LANE: Final = 26.0
 """Height of one robot's lane."""

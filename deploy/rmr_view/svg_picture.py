@@ -16,6 +16,9 @@ ROBOT_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9")
 KIND_COLOURS = {"asking": "#F0E442", "waiting": "#56B4E9", "claiming": "#CC79A7", "inside": "#009E73"}
 """Colours of what a robot does about its turn."""
 
+WIDTH = 900.0
+LEFT = 90.0
+"""Width of a picture of a run, and its margin on the left, where the names of the lanes stand."""
 THEMES = {
     "light": {"paper": "#ffffff", "ink": "#1f2328", "soft": "#59636e", "grid": "#d9dee3", "wall": "#8c959f"},
     "dark": {"paper": "#0d1117", "ink": "#f0f6fc", "soft": "#9198a1", "grid": "#30363d", "wall": "#6e7681"},

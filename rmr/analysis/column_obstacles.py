@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rmr.analysis.at_most_one import Several, several
-from rmr.analysis.straight_line import BASES, NUMBERS, Operation, Unsuitable, straight
+from rmr.analysis.straight_line import BASES, Operation, Unsuitable, straight
+from rmr.bytecode.conform import NUMBERS
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.program import (
     SELF,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue
+from rmr.bytecode.conform import NUMBERS
 from rmr.bytecode.functions import FUNCTIONS, Function, Gives, Takes, call
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction
@@ -28,7 +29,6 @@ ALWAYS = "always"
 
 JUMPS = "jumps that are none of `if`, `and` and `or`"
 
-NUMBERS = (Base.INT, Base.FLOAT)
 BASES: dict[type, Base] = {
     bool: Base.BOOL,
     int: Base.INT,

@@ -19,6 +19,8 @@ NS_PER_US: Final = 1_000
 
 TICK_HZ: Final = 60
 TICK_S: Final = 1.0 / TICK_HZ
+FRAME: Final[Duration] = NS_PER_S // TICK_HZ
+"""The length of a frame of the executive, rounded down."""
 
 NEVER: Final[Instant] = (1 << 62) - 1
 """An instant after the end of any run: the greatest int that compiled code holds unboxed."""

@@ -19,6 +19,8 @@ BUSY: Final = "the robot distributes another program: wait for its end"
 
 Send = Callable[[bytes, int], None]
 """Sends a payload to a robot, to all (`ALL`), or to the operator (`OPERATOR`)."""
+LOAD_HANDLE: Final = 0
+"""Handle of the frames by which programs are distributed; those of a node are numbered from 1."""
 ALL: Final = -3
 
 

@@ -18,14 +18,14 @@ import msgpack  # type: ignore[import-untyped]
 
 from rmr.base.values import Robot, Symbol
 from rmr.mind import action_steps as steps
+from rmr.mind import fact_values
 from rmr.mind.recorded_actions import StepLog
 from rmr.node.actions.handle import ActionFailed
 
 STATE_OCTETS_MAX: Final = 1 << 16
 """Longest packed state: it is written whole at each change, and a write is to take less than a millisecond."""
-_SYMBOL: Final = 1
-_ROBOT: Final = 2
 _TUPLE: Final = 3
+"""An extension beside those of `fact_values`: a state comes back with its tuples and its lists."""
 _PLAIN: Final = (type(None), bool, int, float, str, bytes, list, dict)
 _EMPTY: Final = b"\x80"
 
@@ -82,20 +82,13 @@ def replace_state(state: dict[Any, Any], data: bytes) -> None:
 def _extension(value: Any) -> Any:
     if isinstance(value, tuple):
         return msgpack.ExtType(_TUPLE, msgpack.packb(list(value), default=_extension, strict_types=True))
-    if isinstance(value, Symbol):
-        return msgpack.ExtType(_SYMBOL, str(value).encode("utf-8", "surrogatepass"))
-    assert isinstance(value, Robot)
-    return msgpack.ExtType(_ROBOT, int(value).to_bytes(8, "little", signed=True))
+    return fact_values.extension(value)
 
 
 def _of_extension(code: int, data: bytes) -> Any:
     if code == _TUPLE:
         return tuple(msgpack.unpackb(data, ext_hook=_of_extension, strict_map_key=False))
-    return Symbol(data.decode("utf-8", "surrogatepass")) if code == _SYMBOL else Robot(_number(data))
-
-
-def _number(data: bytes) -> int:
-    return int.from_bytes(data, "little", signed=True)
+    return fact_values.of_extension(code, data)
 
 
 class StateKeeper:

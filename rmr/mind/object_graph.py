@@ -29,14 +29,13 @@ from zlib import crc32
 
 import msgpack  # type: ignore[import-untyped]
 
-from rmr.base.values import Robot, Symbol
+from rmr.base.values import INT_MIN, Robot, Symbol
 from rmr.mind.generated_functions import GeneratedFunctions
 from rmr.mind.graph_restoration import PACKAGE, UNSET, GraphMismatchError, Restoration, named
 
 _ATOMS: Final = (type(None), bool, float, str, bytes)
 _CONTAINERS: Final = (tuple, list, dict, set, frozenset, deque, bytearray, str, int, float, bytes, Random)
 """Types whose subclasses hold more than their attributes."""
-_INT_MIN: Final = -(1 << 63)
 _INT_END: Final = 1 << 64
 _LEAF: Final = ["leaf"]
 
@@ -89,7 +88,7 @@ class GraphWalk:
         if kind in _ATOMS:
             return value
         if kind is int:
-            return value if _INT_MIN <= value < _INT_END else ["int", str(value)]
+            return value if INT_MIN <= value < _INT_END else ["int", str(value)]
         if kind is Symbol:
             return ["symbol", str(value)]
         if kind is Robot:

@@ -11,11 +11,11 @@ from rmr.mind.mind_header import MindHeader, decode_header
 from rmr.mind.mind_reader import MindLogError, read_batch
 from rmr.mind.mind_replay import MindReplay, Witness
 from rmr.node.trace import TraceLevel
+from rmr.record.run_files import BYTE_CODE
 from rmr.vm.engines import Engine
 from rmr.vm.provenance import ProvenanceLog
 
 TOPIC: Final = "/mind"
-PROGRAM: Final = "program.rbc"
 
 
 class MindMessage(Protocol):
@@ -109,10 +109,10 @@ def _mind(robot: int, epoch: int, first: bytes, source: MindSource) -> RecordedM
 
 def program_of(source: MindSource) -> Program:
     """Return the program of a recording. Raises MindLogError if it has none that is sound."""
-    data = source.attachment(PROGRAM)
+    data = source.attachment(BYTE_CODE)
     if data is None:
-        raise MindLogError(f"the recording holds no program ({PROGRAM})")
+        raise MindLogError(f"the recording holds no program ({BYTE_CODE})")
     try:
         return codec.decode(data)
     except codec.BytecodeError as error:
-        raise MindLogError(f"the recording's program ({PROGRAM}): {error}") from None
+        raise MindLogError(f"the recording's program ({BYTE_CODE}): {error}") from None

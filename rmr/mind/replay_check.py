@@ -13,8 +13,9 @@ from rmr.mind.mind_header import MindHeader, decode_header
 from rmr.mind.mind_reader import MindLogError, read_batch
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.mind_versions import differences
-from rmr.mind.recorded_minds import PROGRAM, MindSource, batches_of, program_of
+from rmr.mind.recorded_minds import MindSource, batches_of, program_of
 from rmr.node.trace import TraceLevel
+from rmr.record.run_files import BYTE_CODE
 from rmr.vm.engines import Engine
 
 TraceSink = Callable[[dict[str, Any]], None]
@@ -105,7 +106,7 @@ class ReplayCheck:
     def __init__(self, source: MindSource, options: CheckOptions) -> None:
         """Raise MindLogError if the recording holds no sound program."""
         self.program: Final[Program] = program_of(source)
-        data = source.attachment(PROGRAM)
+        data = source.attachment(BYTE_CODE)
         assert data is not None
         self._digest = codec.digest(data)
         self._source = source

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, tick_index, tick_start
+from rmr.base.time import FRAME, Duration, Instant, tick_index, tick_start
 
-FRAME_BUDGET: Final[Duration] = NS_PER_S // TICK_HZ
+FRAME_BUDGET: Final[Duration] = FRAME
 """Processor time that all tasks of one call may use together."""
 
 

@@ -59,6 +59,10 @@ class PayloadKind(IntEnum):
     """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E); 255: none in particular."""
 
 
+LOAD_OCTET: Final = bytes((PayloadKind.LOAD,))
+"""First octet of the payloads by which programs are distributed."""
+
+
 class DeliveryRole(IntEnum):
     """What a delivery is: role 1 (upper half), index 2, arguments 1, of some roles a number 8, then the arguments.
 

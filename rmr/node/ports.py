@@ -14,6 +14,11 @@ from rmr.radio.air import Confirmed, Received
 
 __all__ = ["BodyPort", "Confirmed", "Ports", "PoseFix", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
 
+SAMPLES_MAX: Final = 240
+"""Sensor samples that wait for a node, of whatever host, four seconds of a moving robot; the oldest are dropped."""
+FRAMES_MAX: Final = 512
+"""Frames that wait for a node, and outcomes; the oldest are dropped."""
+
 
 @final
 class SeenBody:

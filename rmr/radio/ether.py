@@ -31,6 +31,7 @@ from rmr.radio.mac import Mac
 from rmr.radio.path_loss_map import Floats, PathLossMap, Places
 from rmr.radio.phy import (
     CCA,
+    HALF_RANGE,
     TURNAROUND,
     RadioConfig,
     airtime,
@@ -62,8 +63,6 @@ FEW: Final = 12
 REACH_CELLS: Final = 2
 """Distance in cells within which the transmitters of two frames can have a receiver in common."""
 
-_WORD: Final = 4294967296.0
-"""2**32, as arrays of draws need it; see `phy.is_right`."""
 _ORDER: Final = attrgetter("order")
 
 
@@ -317,9 +316,9 @@ class Ether(Medium):
         open_ = np.flatnonzero(kept if loses else kept & (success < 1.0))
         if len(open_):
             upper, lower = draws(self._mixed_seed, wave.announcement, self.path_loss.addresses[at[open_]])
-            comes = upper < success[open_] * _WORD
+            comes = upper < success[open_] * HALF_RANGE
             if loses:
-                lost = comes & (lower < self._losses(wave, at[open_]) * _WORD)
+                lost = comes & (lower < self._losses(wave, at[open_]) * HALF_RANGE)
                 comes &= ~lost
                 cause[open_[lost]] = NOISE
             kept[open_] = comes

@@ -254,12 +254,12 @@ def is_captured(power_mw: float, locked: bool, strongest_mw: float) -> bool:
 
 def is_right(bits: int, success: float) -> bool:
     """Return whether all bits are right of a frame with the probability `success`; `bits` is its `draw`."""
-    return (bits >> 32) < success * _HALF_RANGE
+    return (bits >> 32) < success * HALF_RANGE
 
 
 def is_dropped(bits: int, loss: float) -> bool:
     """Return whether a frame that is right is lost all the same, with the probability `loss`; `bits` is its `draw`."""
-    return (bits & 0xFFFF_FFFF) < loss * _HALF_RANGE
+    return (bits & 0xFFFF_FFFF) < loss * HALF_RANGE
 
 
 def locked_on(at: Instant, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> Signal | None:
@@ -337,7 +337,7 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
 
 
 _MASK: Final = (1 << 64) - 1
-_HALF_RANGE: Final = 4294967296.0
+HALF_RANGE: Final = 4294967296.0
 """2**32: each half of a draw is a number from 0 below this."""
 
 

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from typing import Any, Protocol
 
 from rmr.base.geometry import Pose, hypot
-from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
+from rmr.base.time import FRAME, NEVER, Instant
 from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.config import NodeConfig
@@ -28,9 +28,6 @@ from rmr.vm.provenance import ActionRecord, ProvenanceLog, ToldRecord
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, TurnGate
 from rmr.why.robot_history import LostDelivery, PassageSpan, RobotHistory
-
-LATE: Duration = NS_PER_S // TICK_HZ
-"""A call that comes later than it was due by more than a frame is late."""
 
 
 class WatchedNode(Protocol):
@@ -131,7 +128,7 @@ class HistoryListener:
         history = self.history
         history.ends = max(history.ends, now)
         due = max(self._due, self._called)
-        if due < NEVER and now - due > LATE:
+        if due < NEVER and now - due > FRAME:  # later than it was due by more than a frame
             history.late.append((due, now))
         self._called = now
         self._due = node.next_wake

@@ -18,9 +18,9 @@ from rmr.lang.read.source_text import SourceText
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.mind_versions import differences
-from rmr.mind.recorded_minds import PROGRAM, TOPIC, RecordedMind, minds, program_of
+from rmr.mind.recorded_minds import TOPIC, RecordedMind, minds, program_of
 from rmr.record.recording import Recording
-from rmr.record.run_files import PATHS_NAME, SOURCE
+from rmr.record.run_files import BYTE_CODE, PATHS_NAME, SOURCE
 from rmr.why.history_listener import HistoryListener, TruePlaces
 from rmr.why.mind_index import MindIndex
 from rmr.why.past import Variables
@@ -67,7 +67,7 @@ class ReplayedHistories:
         """The last instant of the recording, or of a robot of it (`end_with`)."""
         self._recording = recording
         self.problems: list[str] = list(recording.problems) + _foreign(
-            self._minds, recording.attachment(PROGRAM) or b""
+            self._minds, recording.attachment(BYTE_CODE) or b""
         )
         self.variables = _variables(recording, self.program)
         """Names of the rules' variables, if the recording holds the source."""

@@ -5,22 +5,19 @@ stopped robot hears nothing; a slow one takes part as always, for its radio runs
 """
 
 from collections.abc import Callable, Mapping
-from typing import Final, Protocol
+from typing import Protocol
 
 from rmr.base.kernel import ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant, milliseconds
 from rmr.bytecode.program import Program
-from rmr.load.load_endpoint import ALL, LoadEndpoint
+from rmr.load.load_endpoint import ALL, LOAD_HANDLE, LoadEndpoint
 from rmr.load.program_loader import Preview, ProgramLoader, RunningProgram
 from rmr.load.robot_fit import fitting_program
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.node import Node
 from rmr.node.ports import Received
 from rmr.vm.carrying import preview
-
-HANDLE: Final = 0
-"""Handle of the frames; those of a node are numbered from 1."""
 
 
 class LoadedRobot(Protocol):
@@ -88,7 +85,7 @@ class RobotPrograms:
         return Preview(carried, tuple(ended))
 
     def _send(self, payload: bytes, destination: int) -> None:
-        self._robot.transmit(payload, None if destination == ALL else destination, HANDLE)
+        self._robot.transmit(payload, None if destination == ALL else destination, LOAD_HANDLE)
 
     # -- the robot ----------------------------------------------------------------------------------------------
 

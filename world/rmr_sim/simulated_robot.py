@@ -16,7 +16,7 @@ and actions of its earlier nodes stay in the report. A durable robot's node is b
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -26,8 +26,8 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.mind.recorded_node import RecordedNode
 from rmr.node.node import Node
-from rmr.node.payloads import PayloadKind
-from rmr.node.ports import Confirmed, Ports, Received, Sensed
+from rmr.node.payloads import LOAD_OCTET
+from rmr.node.ports import FRAMES_MAX, SAMPLES_MAX, Confirmed, Ports, Received, Sensed
 from rmr.node.report import off_m, robot_report
 from rmr_sim.robot_host import RobotHost
 from rmr_world.incarnations import merged_report, with_lost_jobs
@@ -35,14 +35,6 @@ from rmr_world.incarnations import merged_report, with_lost_jobs
 if TYPE_CHECKING:  # loaded by the runs that have such robots
     from rmr_sim.disk import Disk
     from rmr_sim.robot_programs import RobotPrograms
-
-SAMPLES_MAX: Final = 240
-"""Bound of the queue of samples, as in a process; the oldest are dropped."""
-FRAMES_MAX: Final = 512
-"""Bound of the queues of frames and of confirmations; the oldest are dropped."""
-
-LOAD_OCTET: Final = bytes((PayloadKind.LOAD,))
-"""First octet of the payloads by which programs are distributed."""
 
 T = TypeVar("T")
 

@@ -20,7 +20,7 @@ from rmr.bus.endpoint import BusError
 from rmr.bus.keys import Keys
 from rmr.bus.listening import SAY_AGAIN_S, Refused, secret_of_listener, warn_if_open
 from rmr.bus.middleware import InUseError
-from rmr.bus.occupant import who_listens
+from rmr.bus.occupant import ASK_S, who_listens
 from rmr.bus.process import (
     Ending,
     Throttle,
@@ -41,9 +41,6 @@ from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.server import WorldServer
 from rmr_world.world_messages import map_of
 from rmr_world.world_state import WorldFolder, WorldStateError
-
-ASK_S = 1.0
-"""How long another world of the same lab may take to show itself."""
 
 NO_RCLPY = "install rclpy by pip install 'rmr-robots[ros2]', or source the setup file of a ROS 2 installation before"
 """What to do where it is missing."""
