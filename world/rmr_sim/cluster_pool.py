@@ -26,7 +26,7 @@ from rmr_sim.sweep_rows import differences, versions
 
 INSTALL = "pip install 'rmr-robots[cluster]'"
 CONNECT_S = 10
-"""Longest time until the scheduler answers, and has a worker."""
+"""Longest time until the scheduler answers."""
 WORKERS_S = 30
 """How long the first worker may take to show itself: a script starts it just before the sweep."""
 COUNT_S = 2.0
