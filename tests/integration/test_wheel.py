@@ -1,6 +1,7 @@
 """The wheel: what it holds runs without the tree."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -56,6 +57,16 @@ def test_wheel_tells_its_name_and_its_commands(site, tmp_path):
     )
     answer = run(site, tmp_path, code)
     assert (answer.returncode, answer.stdout) == (0, "rmr-robots rmr rmr-agent rmr-world rmrc\n"), answer.stderr
+
+
+def test_wheel_tells_its_licences_and_brings_their_texts(site):
+    [about] = site.glob("rmr_robots-*.dist-info")
+    told = (about / "METADATA").read_text()
+    assert "\nLicense-Expression: Apache-2.0 AND MIT\n" in told
+    texts = re.findall(r"^License-File: (.*)$", told, re.MULTILINE)
+    assert len(texts) == 5
+    for text in texts:
+        assert (about / "licenses" / text).read_bytes() == (ROOT / text).read_bytes()
 
 
 def test_wheel_writes_a_new_lab_that_runs(site, tmp_path):
