@@ -30,7 +30,7 @@ $(STAMP): pyproject.toml requirements.lock
 install: $(STAMP) ## install into .venv
 
 demo: $(STAMP) ## six robot processes pass a corridor in the order of their deadlines
-	$(BIN)/rmr up deploy/labs/corridor
+	$(BIN)/rmr demo
 	@echo "(. $(BIN)/activate puts rmr on the path)"
 
 fast: $(STAMP) ## compile what robots spend their time in: the same results in less than half of it

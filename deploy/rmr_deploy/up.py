@@ -1,4 +1,4 @@
-"""The options of `rmr up LAB`; `rmr_deploy.lab_run` carries it out.
+"""The options of `rmr up LAB` and of `rmr demo`; `rmr_deploy.lab_run` carries both out.
 
 Importing this module loads next to nothing (see `rmr.entry`), and its help neither the bus nor the compiler.
 """
@@ -23,13 +23,27 @@ use the bus of the run, which has a secret (the file secret in the run folder), 
 """
 
 
+ABOUT_DEMO = """\
+Show six robots that pass a narrow corridor in the order of their deadlines: rmr up with the provided lab corridor.
+
+Takes about half a minute, in real time, and needs no clone and no file. Its last lines say how to see the run in the
+browser. rmr sim corridor is the same in virtual time; rmr new NAME writes a lab of your own.
+"""
+DEMO_LAB = "corridor"
+
+
 def _declare(parser: "Parser") -> None:
-    from rmr.base.streams import SEED_MAX
-    from rmr.entry.command_line import real, whole
-    from rmr_deploy.restarts import restart_policy
     from rmr_world.provided_labs import existing_lab
 
     parser.positional("lab", "LAB", read=existing_lab)
+    _declare_options(parser)
+
+
+def _declare_options(parser: "Parser") -> None:
+    from rmr.base.streams import SEED_MAX
+    from rmr.entry.command_line import real, whole
+    from rmr_deploy.restarts import restart_policy
+
     parser.flag("-d", "--detach", help="Run in the background; the command ends when the processes are started.")
     parser.flag("--wait", help="Run in the background; the command ends when all robots are ready.")
     parser.option("--robots", metavar="N", read=whole(1), help="The first N robots of the lab only.")
@@ -80,6 +94,19 @@ def _up(**options: Any) -> int:
     return perform(RunOptions(**options), background)
 
 
+def _demo(**options: Any) -> int:
+    """Run the lab of the demo, whatever the current folder holds; return the exit code."""
+    from rmr.entry import ExitCode
+    from rmr_world.provided_labs import labs_folder, provided_labs
+
+    lab = provided_labs().get(DEMO_LAB)
+    if lab is None:
+        where = labs_folder()
+        print(f"rmr demo: {where} has no lab {DEMO_LAB}: install rmr-robots again, from a whole wheel", file=sys.stderr)
+        return ExitCode.FAILED
+    return _up(lab=lab, **options)
+
+
 def command() -> "Command":
     """Return the command."""
     from rmr.entry.command_line import Command
@@ -90,6 +117,18 @@ def command() -> "Command":
 def main(words: Sequence[str] | None = None, name: str = "rmr up") -> int:
     """Run the command `name`; return its exit code."""
     return run(name, lambda: command().main(words, name))
+
+
+def demo_command() -> "Command":
+    """Return the command `rmr demo`."""
+    from rmr.entry.command_line import Command
+
+    return Command(ABOUT_DEMO, _declare_options, _demo)
+
+
+def demo_main(words: Sequence[str] | None = None, name: str = "rmr demo") -> int:
+    """Run the command `name`; return its exit code."""
+    return run(name, lambda: demo_command().main(words, name))
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
 
 PROGRAMS: dict[str, tuple[str, str]] = {
     "up": ("rmr_deploy.up:main", "Run a lab with one process for each robot."),
+    "demo": ("rmr_deploy.up:demo_main", "Show six robots that pass a corridor, as processes."),
     "doctor": ("rmr_deploy.doctor:main", "Say what this machine lacks for RMR, and what mends it."),
     "fault": ("rmr_deploy.fault:main", "Inject faults into a lab that runs: of the radio, and of robots."),
     "load": ("rmr_deploy.load:main", "Give running robots a new program."),
@@ -102,7 +103,7 @@ def _own(name: str) -> Runnable:
 
 HEADINGS: dict[str, str] = {
     "programs": "check compile dis eval explain fmt lsp radio",
-    "labs": "new lab sim sweep up agent world router keys sign",
+    "labs": "demo new lab sim sweep up agent world router keys sign",
     "a lab that runs": "ls ps logs events stats facts config wait attach down "
     "kill stop start restart pause unpause fault load",
     "what a run leaves": "view why replay plot record",

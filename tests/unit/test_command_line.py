@@ -24,6 +24,7 @@ from rmr_deploy.load import command as load
 from rmr_deploy.router import command as router
 from rmr_deploy.sign import command as sign
 from rmr_deploy.up import command as up
+from rmr_deploy.up import demo_command
 from rmr_deploy.why_program import why_command
 from rmr_editor.main import command as lsp
 from rmr_lab.commands import command as lab
@@ -43,6 +44,7 @@ PROGRAMS = {
     "rmr sim": sim(),
     "rmr sweep": sweep_command(),
     "rmr up": up(),
+    "rmr demo": demo_command(),
     "rmr doctor": doctor,
     "rmr fault": fault(),
     "rmr fleet": fleet(),
