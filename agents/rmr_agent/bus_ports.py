@@ -1,8 +1,8 @@
 """The node's ports in a robot process: the radio and the body, both over the bus.
 
-The radio is a `rmr.radio.station.Station`: what it announces goes out on the bus, what others announce comes
-in, and everything else about a frame's fate is decided here, by time stamps. Announcements are some
-milliseconds late when they arrive, hence the grace.
+The radio is a `rmr.radio.station.Station`, or a `rmr.radio.network.NetworkStation` where nothing is emulated: what it
+announces goes out on the bus, what others announce comes in, and everything else about a frame's fate is decided here.
+The emulated radio decides by time stamps. Announcements are some milliseconds late when they arrive, hence the grace.
 """
 
 from collections import deque
@@ -16,6 +16,7 @@ from rmr.node.frame_log import FrameLog
 from rmr.node.payloads import LOAD_OCTET
 from rmr.node.ports import FRAMES_MAX, SAMPLES_MAX, Confirmed, PoseFix, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
+from rmr.radio.network import NetworkStation
 from rmr.radio.station import Station
 
 RADIO_GRACE: Final[Duration] = milliseconds(4)
@@ -29,8 +30,12 @@ another run, as when a world begins anew and some robots have not noticed yet, a
 class RadioLink:
     """`rmr.node.ports.RadioPort` over a station."""
 
-    def __init__(self, station: Station, now: Callable[[], Instant], publish: Callable[[Announcement], None]) -> None:
+    def __init__(
+        self, station: Station | NetworkStation, now: Callable[[], Instant], publish: Callable[[Announcement], None]
+    ) -> None:
         self.station = station
+        self._instant = isinstance(station, NetworkStation)
+        """Whether frames have no airtime."""
         self._now = now
         self._publish = publish
         self._received: deque[Received] = deque(maxlen=FRAMES_MAX)
@@ -44,7 +49,7 @@ class RadioLink:
         self.dropped = 0
         """Frames and outcomes that a full queue has dropped."""
         self.malformed = 0
-        """Announcements that cannot be: of a time that is far from come."""
+        """Announcements that cannot be: of a time that is far from come, or of another mode of the radio."""
 
     @property
     def waiting(self) -> bool:
@@ -78,7 +83,8 @@ class RadioLink:
     def hear(self, announcement: Announcement) -> Instant:
         """Take in an announcement from the bus; return lab time."""
         now = self._now()
-        if announcement.start > now + AHEAD_MAX:
+        instant = announcement.end == announcement.start
+        if instant != self._instant or announcement.start > now + AHEAD_MAX:
             self.malformed += 1
         else:
             self.station.hear(announcement, now)

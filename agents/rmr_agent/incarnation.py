@@ -31,7 +31,8 @@ from rmr.node.ports import Ports
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Grid, grid_of
 from rmr.radio.links import Disturbance
-from rmr.radio.phy import Bursts
+from rmr.radio.network import NetworkStation
+from rmr.radio.phy import NETWORK, Bursts
 from rmr.radio.security import Security
 from rmr.radio.station import RadioConfig, Station
 from rmr.vm.outside import Gate
@@ -137,10 +138,14 @@ def radio_config(radio: dict[str, Any]) -> RadioConfig:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
 
-def make_station(config: NodeConfig, radio: dict[str, Any], security: Security | None = None) -> Station:
+def make_station(
+    config: NodeConfig, radio: dict[str, Any], security: Security | None = None
+) -> Station | NetworkStation:
     """Return the robot's radio from the settings that the world tells. Raises RefusedError."""
     rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
     try:
+        if config.radio.mode == NETWORK:
+            return NetworkStation(config.robot, radio["pan"], radio["seed"], rng, config.radio, PATIENCE)
         return Station(
             config.robot,
             radio["pan"],
@@ -171,7 +176,7 @@ class Incarnation:
         config: NodeConfig,
         loaded: Loaded,
         handlers: dict[str, Handler],
-        station: Station,
+        station: Station | NetworkStation,
         clock: LabClock,
         send: "Outlets",
         fail: Callable[[BaseException], None],

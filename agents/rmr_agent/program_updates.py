@@ -23,6 +23,7 @@ from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Received
+from rmr.radio.network import NetworkStation
 from rmr.radio.station import Station
 from rmr.vm.carrying import preview
 from rmr_agent.bytecode import Loaded, RefusedError
@@ -37,7 +38,7 @@ class ProgramUpdates:
         self,
         node: Node,
         config: NodeConfig,
-        station: Station,
+        station: Station | NetworkStation,
         loaded: Loaded,
         handlers: Mapping[str, Handler],
         answer: Callable[[wire.Message], None],

@@ -53,7 +53,7 @@ CASES = ("hidden", "exposed_control", "near_far_hidden")
 def _declare_radio(parser: Parser) -> None:
     """Declare the radio's settings."""
     for each in SETTINGS:
-        if each.choices:
+        if each.choices and each.option:
             parser.choice(each.option, each.choices, default=each.default, help=each.help)
         elif each.option:
             parser.option(

@@ -13,7 +13,7 @@ from rmr.bytecode.program import Anything, Constant
 from rmr.coord.timing import Timing
 from rmr.node.profile import Profile, profile_of
 from rmr.node.trace import TraceLevel
-from rmr.radio.phy import RadioConfig, path_loss_db
+from rmr.radio.phy import NETWORK, RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
 from rmr.vm.provenance import ProvenanceLog
 
@@ -99,5 +99,7 @@ class NodeConfig:
 
     def surely_hears(self, distance_m: float) -> bool:
         """Return whether the radio surely reaches so far."""
+        if self.radio.mode == NETWORK:
+            return True
         loss_db = path_loss_db(distance_m, self.radio.exponent)
         return self.radio.tx_power_dbm - loss_db >= self.radio.sensitivity_dbm + IN_RANGE_DB

@@ -21,7 +21,7 @@ from math import floor
 from typing import Final, NamedTuple
 
 from rmr.radio.links import SHADOWING_SIGMAS
-from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
+from rmr.radio.phy import LOSS_AT_1_M_DB, NETWORK, RELEVANCE_DB, RadioConfig
 
 HYSTERESIS_M: Final = 0.1
 """Hysteresis: distance outside its cell up to which a robot keeps it; more than a standing robot is pushed."""
@@ -58,6 +58,8 @@ def interference_range_m(config: RadioConfig) -> float:
 
     A receiver farther away forgets the frame whatever the link's shadowing.
     """
+    if config.mode == NETWORK:
+        return RANGE_MAX_M
     strongest_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB + SHADOWING_SIGMAS * config.shadowing_db
     spare_db = strongest_dbm - (config.sensitivity_dbm - RELEVANCE_DB)
     if spare_db <= 0.0:

@@ -119,6 +119,11 @@ class EtherStation:
         """Its counters, up to date."""
         return self._ether.bulk_counters.complete(self.index, self.receive_filter.counters)
 
+    @property
+    def queued(self) -> int:
+        """Number of requests that wait for the channel."""
+        return self.mac.queued
+
     def request(self, payload: bytes, destination: int | None, handle: int, due: Instant = NEVER) -> None:
         """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
 

@@ -26,6 +26,9 @@ from typing import Final, NamedTuple
 
 from rmr.base.time import NS_PER_S, NS_PER_US, Duration, Instant
 
+NETWORK: Final = "network"
+"""`RadioConfig.mode` of robots that have a network: see `rmr.radio.network`."""
+
 BIT: Final[Duration] = 4 * NS_PER_US
 SYMBOL: Final[Duration] = 16 * NS_PER_US
 OCTET: Final[Duration] = 32 * NS_PER_US
@@ -102,8 +105,12 @@ class RadioConfig:
     """Standard deviation, dB, of the constant that each link adds to the path loss."""
     bursts: Bursts | None = None
     """Bursts of losses on each link, besides `loss`."""
+    mode: str = "802.15.4"
+    """``802.15.4``, or ``network``: nothing of a radio is emulated, and everybody hears everybody."""
 
     def __post_init__(self) -> None:
+        if self.mode not in ("802.15.4", NETWORK):
+            raise ValueError(f"mode {self.mode!r}: write 802.15.4 or network")
         if self.interference not in ("capture_3db", "awgn"):
             raise ValueError(f"interference {self.interference!r}: write capture_3db or awgn")
         if not 0.0 <= self.loss <= 1.0:

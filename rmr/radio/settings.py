@@ -7,7 +7,7 @@ accepts what the world tells it. A new setting is a field of the model, its effe
 
 from typing import Any, NamedTuple
 
-from rmr.radio.phy import RadioConfig
+from rmr.radio.phy import NETWORK, RadioConfig
 
 _DEFAULTS = RadioConfig()
 
@@ -36,6 +36,7 @@ class Setting(NamedTuple):
 
 
 SETTINGS = (
+    Setting("mode", choices=("802.15.4", NETWORK)),
     Setting(
         "tx_power_dbm",
         limits=(-60, 30),

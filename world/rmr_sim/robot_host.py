@@ -10,6 +10,8 @@ from rmr.base.kernel import Kernel
 from rmr.base.time import Instant
 from rmr.node.node import Node
 from rmr.radio.ether import Ether
+from rmr.radio.network import Network
+from rmr.radio.phy import NETWORK
 from rmr.radio.security import LEVELS, Security, run_key
 from rmr_world.lab import Lab
 from rmr_world.physics import World
@@ -25,7 +27,9 @@ class RobotHost:
         self.kernel = Kernel()
         self.world = World(lab, seed)
         self.radio = lab.radio.config
-        self.ether = Ether(self.kernel, self.radio, seed if lab.radio.seed is None else lab.radio.seed, lab.pan)
+        chance = seed if lab.radio.seed is None else lab.radio.seed
+        medium = Network if self.radio.mode == NETWORK else Ether
+        self.ether: Ether | Network = medium(self.kernel, self.radio, chance, lab.pan)
         self.frame_end: Instant = 0
         """Instant at which the next tick begins."""
         self._key = None if key is None else run_key(key, "simulator", lab.name, seed)

@@ -16,12 +16,14 @@ from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
 from rmr.mind.mind_log import MindSink
 from rmr.node.trace import TraceLevel
+from rmr.radio.phy import NETWORK
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_sim.user_events import InvariantChecker, load_events
 from rmr_world.faults import fault_entries
+from rmr_world.finding import LabError
 from rmr_world.lab import Lab, ProgramLoad
 from rmr_world.lab_file import load_lab, radio_key
 from rmr_world.lab_program import (
@@ -135,6 +137,9 @@ def load(path: Path, options: Options) -> LoadedLab:
     lab = load_lab(path, {"facts": options.facts, "faults": options.faults})
     if options.robots is not None:
         lab = lab.with_robots(options.robots)
+    if options.loss is not None and lab.radio.config.mode == NETWORK:
+        message = "--loss is of the emulated radio, and this lab has mode: network; lose frames by its faults"
+        raise LabError([lab.error(("radio", "mode"), message)])
     if options.loss is not None:
         lab = replace(lab, radio=replace(lab.radio, config=replace(lab.radio.config, loss=options.loss)))
     if options.duration is not None:

@@ -108,7 +108,7 @@ class SimulationRecorder:
         node = robot.node
         observer.look(now, pose_of(node), route_of(node))
         if observer.status_due(now):
-            observer.status(now, status_of(node, now, robot.station.mac.queued))
+            observer.status(now, status_of(node, now, robot.station.queued))
 
     def _take_trace(self) -> None:
         entries = self._simulation.new_entries(self._entries)

@@ -10,6 +10,7 @@ from typing import Any
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr.radio.network import network_disturbance_problem
 
 LEAD: Duration = milliseconds(50)
 """Delay of a change. A message takes 0.3 to 2 ms on the bus, and 20 ms on a loaded machine."""
@@ -24,8 +25,10 @@ HISTORY_MAX = 1000
 class DisturbanceList:
     """The disturbances of one lab. Methods that change them take `now` in lab time."""
 
-    def __init__(self, lab: str, roster: Sequence[int], given: Sequence[Disturbance]) -> None:
+    def __init__(self, lab: str, roster: Sequence[int], given: Sequence[Disturbance], *, network: bool = False) -> None:
+        """`network`: the radio is that of mode network."""
         self._lab = lab
+        self._network = network
         self._roster = roster
         self.given = tuple(given)
         """Disturbances of the lab file."""
@@ -49,6 +52,8 @@ class DisturbanceList:
         if strangers:
             robots = ", ".join(map(str, self._roster))
             return f"lab {self._lab} has no robot {', '.join(strangers)}; its robots are {robots}"
+        if self._network and (problem := network_disturbance_problem(wanted)):
+            return problem
         if len(self.held) >= DISTURBANCES_MAX:
             return f"the radio is disturbed in {DISTURBANCES_MAX} ways already; end those added: rmr fault clear"
         self.touched = True

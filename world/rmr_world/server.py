@@ -23,6 +23,7 @@ from rmr.bus.process import Ending, LogFile
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
+from rmr.radio.phy import NETWORK
 from rmr_world.all_bodies import AllBodies
 from rmr_world.disturbances import DisturbanceList
 from rmr_world.faults import fault_entry, fault_line
@@ -84,7 +85,9 @@ class WorldServer:
         self._when_ready = when_ready
         self._keys = Keys(lab.name)
         self._physics = World(lab, seed)
-        self._disturbances = DisturbanceList(lab.name, lab.roster, lab.disturbances)
+        self._disturbances = DisturbanceList(
+            lab.name, lab.roster, lab.disturbances, network=lab.radio.config.mode == NETWORK
+        )
         self._time = LabTime()
         self._tick = 0
         self._late = 0

@@ -14,7 +14,7 @@ from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.node.motion.localiser import MISTAKEN_M
 from rmr.node.node import Node
 from rmr.radio.links import SHADOWING_SIGMAS, Disturbance
-from rmr.radio.phy import path_loss_db
+from rmr.radio.phy import NETWORK, path_loss_db
 from rmr.vm.job import TimedJob
 from rmr_sim.event import FaultRecord
 from rmr_sim.simulation import Simulation
@@ -143,6 +143,8 @@ class RunView:
 
     def _in_range(self, a: int, b: int) -> bool:
         config = self.simulation.radio
+        if config.mode == NETWORK:
+            return True
         world = self.simulation.world
         ax, ay, _ = world.pose(a)
         bx, by, _ = world.pose(b)

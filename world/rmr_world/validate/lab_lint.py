@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rmr.base.time import in_seconds
 from rmr.bytecode.program import Kind, Program
 from rmr.node.config import IN_RANGE_DB
-from rmr.radio.phy import path_loss_db
+from rmr.radio.phy import NETWORK, path_loss_db
 from rmr_world.faults import faults_after_end
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab
@@ -68,6 +68,8 @@ def turns_beyond_the_radio(lab: Lab, _program: Program) -> Iterator[Finding]:
     """Warn of turns on a floor wider than the radio reaches: robots out of range of each other cannot agree on them."""
     arena = lab.arena
     radio = lab.radio.config
+    if radio.mode == NETWORK:
+        return
     across_m = math.hypot(arena.width, arena.height)
     short_db = radio.sensitivity_dbm - radio.tx_power_dbm + path_loss_db(across_m, radio.exponent)
     if len(lab.robots) < 2 or short_db <= 0.0 or not (arena.passages or arena.stations):

@@ -10,6 +10,7 @@ from rmr.base.time import in_seconds
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr.radio.phy import NETWORK
 from rmr_world.finding import Finding, near_miss
 from rmr_world.lab import PROGRAM_SUFFIXES, Kill, Restart
 from rmr_world.quorum import ALL
@@ -140,6 +141,24 @@ def disturbance_count(draft: LabDraft) -> Iterator[Finding]:
         yield draft.error(("faults",), message)
 
 
+def network_fits(draft: LabDraft) -> Iterator[Finding]:
+    """A radio of mode network has no other setting, and no fault takes power from it."""
+    radio = draft.spec.radio
+    if radio.mode != NETWORK:
+        return
+    for name in (each for each in type(radio).model_fields if each != "mode" and each in radio.model_fields_set):
+        if name in ("security", "key_file"):
+            bus = "with mode: network the bus does that, by `bus: {security: mtls}`"
+            message = f"{name} secures the emulated radio; {bus}"
+        else:
+            message = f"{name} is of the emulated radio, and means nothing with mode: network"
+        yield draft.error(("radio", name), f"{message}; remove it, or mode")
+    for i, fault in enumerate(draft.spec.faults):
+        if fault.attenuation_db is not None:
+            power = "a radio of mode network has no power that could be attenuated"
+            yield draft.error(("faults", i, "attenuation_db"), f"{power}; write cut, or loss")
+
+
 def loads_known(draft: LabDraft) -> Iterator[Finding]:
     """Each load names a program file that exists, and robots of the lab."""
     for i, load in enumerate(draft.spec.loads):
@@ -166,5 +185,6 @@ CHECKS = (
     bodies_fit,
     kills_and_restarts_alternate,
     disturbance_count,
+    network_fits,
 )
 """The rules of references."""
