@@ -46,7 +46,7 @@ class Robots:
         """End them; return what has truly happened."""
         self._process.send_signal(signal.SIGCONT)
         self._process.send_signal(signal.SIGINT)
-        self._process.wait(20)
+        self._process.wait(120)
         self._process.stdout.close()
         return json.loads(self._report.read_text())
 
