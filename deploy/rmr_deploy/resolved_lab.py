@@ -16,7 +16,7 @@ from rmr_deploy.active_runs import LAB_COPY
 from rmr_deploy.run_choice import FleetError
 from rmr_world.faults import fault_entries, fault_entry
 from rmr_world.finding import LabError
-from rmr_world.lab import Lab
+from rmr_world.lab import Host, Lab
 from rmr_world.lab_file import load_lab
 from rmr_world.random_facts import LabFact
 
@@ -37,9 +37,20 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
         "facts": [_fact(fact) for fact in lab.initial_facts],
         "radio": {"seed": lab.radio.seed, "security": lab.radio.security, **asdict(lab.radio.config)},
         "bus": {"security": "mtls" if lab.mtls else "secret"},
+        "hosts": {host.name: _host(host) for host in lab.hosts},
         "localisation": asdict(lab.localisation),
         "disturbances": [_always(one, lab) for one in lab.disturbances if one.until >= NEVER],
         "faults": fault_entries(lab),
+    }
+
+
+def _host(host: Host) -> dict[str, Any]:
+    return {
+        "address": host.address,
+        "port": host.port,
+        "world": host.has_world,
+        "router": host.has_router,
+        "robots": list(host.robots),
     }
 
 

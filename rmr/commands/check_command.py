@@ -24,6 +24,7 @@ Check programs and labs and print what is wrong with them.
 
 LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run. Its Python files of
 actions and events are executed, as a run does: look into a lab that is not yours, or say --no-code.
+With --hosts also checked is a file that says which host has the world and which robots of the lab.
 
 With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
 which time assertions and how, what each rule needs and sends, and whether all robots can be run at once; for each lab,
@@ -40,17 +41,27 @@ def _declare(parser: Parser) -> None:
     parser.flag("--fix", help="Correct the errors of programs where what to write is known.")
     parser.flag("--explain", help="Also say which rules reach which goals, and so on.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw a lab: floor, areas, robots and their ways.")
+    parser.option("--hosts", metavar="FILE", read=Path, help="Also check the hosts over which a lab is spread.")
     parser.flag("--no-code", help="Execute no Python file of a lab: those of actions and events are not checked.")
 
 
-def _check(programs: list[Path], as_json: bool, fix: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
+def _check(
+    programs: list[Path],
+    as_json: bool,
+    fix: bool,
+    explain: bool,
+    svg: Path | None,
+    hosts: Path | None,
+    no_code: bool,
+) -> int:
     """Check programs; a command line with a lab is one for `rmr_lab`."""
-    if svg is not None or any(_is_lab(path) for path in programs):
+    if svg is not None or hosts is not None or any(_is_lab(path) for path in programs):
         if fix:
             raise CommandLineError("--fix corrects programs: name the PROG.rmr of the lab")
         given = {"--json": as_json, "--explain": explain, "--no-code": no_code}
         flags = [flag for flag, is_given in given.items() if is_given]
-        options = [*flags, *([] if svg is None else ["--svg", os.fspath(svg)])]
+        files = {"--svg": svg, "--hosts": hosts}
+        options = [*flags, *(word for flag, file in files.items() if file for word in (flag, os.fspath(file)))]
         from rmr.commands.subcommands import OtherPackage
 
         return OtherPackage("rmr_lab.main:check_main").main([*options, "--", *map(os.fspath, programs)], "rmr check")

@@ -19,10 +19,11 @@ def _declare_check(parser: Parser) -> None:
     parser.flag("--json", dest="as_json", help="Print the findings as one JSON document on stdout.")
     parser.flag("--explain", help="Also list the passages, who needs them, and what turns cover.")
     parser.option("--svg", metavar="FILE", read=Path, help="Draw the lab: floor, areas, robots and their ways.")
+    parser.option("--hosts", metavar="FILE", read=Path, help="Also check the hosts over which the lab is spread.")
     parser.flag("--no-code", help="Execute no Python file: those of actions and events are not checked.")
 
 
-def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, no_code: bool) -> int:
+def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, hosts: Path | None, no_code: bool) -> int:
     """Check labs, and programs by themselves; return the exit code."""
     from rmr_lab.lab_check import perform
 
@@ -30,9 +31,11 @@ def _check(paths: list[Path], as_json: bool, explain: bool, svg: Path | None, no
         raise CommandLineError("--svg draws one lab: name one")
     if svg is not None and paths[0].suffix == ".rmr":
         raise CommandLineError("--svg draws a lab: name a lab file or its folder, not a program")
+    if hosts is not None and (len(paths) != 1 or paths[0].suffix == ".rmr"):
+        raise CommandLineError("--hosts goes with one lab: name its file, its folder or a provided lab")
     if explain and any(path.suffix == ".rmr" for path in paths):
         raise CommandLineError("--explain explains labs or programs: name one kind at a time")
-    return perform(paths, as_json=as_json, explain=explain, svg=svg, execute=not no_code)
+    return perform(paths, as_json=as_json, explain=explain, svg=svg, hosts=hosts, execute=not no_code)
 
 
 check = Command(

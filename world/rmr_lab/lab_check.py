@@ -33,6 +33,7 @@ from rmr_sim.user_events import load_events
 from rmr_world.bound import bound_s, destinations
 from rmr_world.document import read
 from rmr_world.finding import Finding, LabError
+from rmr_world.hosts import read_hosts
 from rmr_world.lab import PROGRAM_SUFFIXES, Lab
 from rmr_world.lab_file import lab_path, load_lab, radio_key
 from rmr_world.lab_program import ProgramError, load_program, program_missing
@@ -77,8 +78,8 @@ class CheckResult:
         return render_text(self.diagnostics, self.sources, color) + lines
 
 
-def check(path: Path, *, execute: bool = True) -> CheckResult:
-    """Check `path`: a program, a lab file, a lab's folder, or the name of a provided lab.
+def check(path: Path, *, hosts: Path | None = None, execute: bool = True) -> CheckResult:
+    """Check `path`: a program, a lab file, a lab's folder, or the name of a provided lab; with a lab the file `hosts`.
 
     `execute`: Python files that a lab names are executed, which is said on standard error; else they are not checked.
     """
@@ -86,6 +87,13 @@ def check(path: Path, *, execute: bool = True) -> CheckResult:
     if path.suffix == ".rmr":
         _compile(found, path, ())
         return found
+    _check_lab(found, path, execute=execute)
+    if hosts is not None and found.lab is not None:
+        _check_hosts(found, hosts, found.lab)
+    return found
+
+
+def _check_lab(found: CheckResult, path: Path, *, execute: bool) -> None:
     try:
         lab = load_lab(path)
         radio_key(lab)
@@ -93,14 +101,14 @@ def check(path: Path, *, execute: bool = True) -> CheckResult:
         found.findings += error.problems
         found.unreadable = any(problem.line == 0 for problem in error.problems)
         _compile_of_wrong_lab(found, lab_path(path))
-        return found
+        return
     found.lab = lab
     if not lab.program.exists():
         found.findings.append(program_missing(lab))
-        return found
+        return
     _load(found, lab.program, [fact.name for fact in lab.stated_facts], closed=lab.is_closed)
     if found.program is None:
-        return found
+        return
     found.findings += run_findings(lab, found.program)
     _say_executed(path, lab, execute=execute)
     if execute:
@@ -108,7 +116,14 @@ def check(path: Path, *, execute: bool = True) -> CheckResult:
     elif lab.actions is None:
         found.findings += _handlers(lab, found.program)
     found.findings.sort()
-    return found
+
+
+def _check_hosts(found: CheckResult, hosts: Path, lab: Lab) -> None:
+    try:
+        read_hosts(hosts, lab)
+    except LabError as error:
+        found.findings += error.problems
+        found.unreadable |= any(problem.line == 0 for problem in error.problems)
 
 
 def _load(found: CheckResult, program: Path, stated: Sequence[str], *, closed: bool = False) -> None:
@@ -218,12 +233,16 @@ def _as_json(finding: Finding) -> dict[str, Any]:
 # --- the command
 
 
-def perform(paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | None, execute: bool) -> int:
+def perform(
+    paths: Sequence[Path], *, as_json: bool, explain: bool, svg: Path | None, hosts: Path | None, execute: bool
+) -> int:
     """Check `paths`, print the findings, explain the labs, draw one if `svg` is given; return the exit code.
+
+    `hosts` is a file that is checked with the only lab.
 
     `execute`: Python files of the labs are executed.
     """
-    found = [check(path, execute=execute) for path in paths]
+    found = [check(path, hosts=hosts, execute=execute) for path in paths]
     explained = _explained(found) if explain else []
     if as_json:
         listed = [entry for each in found for entry in each.as_json()]

@@ -135,6 +135,25 @@ class ProgramLoad:
 
 
 @dataclass(frozen=True, slots=True)
+class Host:
+    """One host of a lab, and its share of the processes."""
+
+    name: str
+    address: str
+    """The name or IP address by which other hosts reach it."""
+    port: int
+    """Of its router, or, without one, that of nobody."""
+    has_world: bool
+    has_router: bool
+    robots: tuple[int, ...]
+    """Ascending."""
+
+    def endpoint(self, protocol: str) -> str:
+        """Return where other hosts reach its router."""
+        return f"{protocol}/{f'[{self.address}]' if ':' in self.address else self.address}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
 class Lab:
     """A whole lab."""
 
@@ -169,6 +188,8 @@ class Lab:
     """The file with the radio's key. It is no part of `radio`, whose settings are public on the bus."""
     mtls: bool = False
     """Whether the processes of its bus are those with keys alone."""
+    hosts: tuple[Host, ...] = ()
+    """The hosts over which its processes may be spread, as the file has them."""
     map_unknown_free: int = field(default=0, compare=False)
     """How many cells of the map are free by its own threshold although they have the grey that means unknown."""
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)

@@ -23,6 +23,8 @@ LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 NAMESPACE = r"^(/|(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)+)$"
 TOPIC = r"^/?([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)*$"
+HOST_NAME = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
+HOST_ADDRESS = r"^([A-Za-z0-9_]([A-Za-z0-9_.-]{0,252}[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
 ARENA_M_MAX = 1000.0
 RADIUS_M_MIN = 0.001
 """Least radius of a hull, metres. The moment of inertia of a hull of some nanometres is rounded to zero."""
@@ -333,6 +335,30 @@ class BusSpec(_Strict):
     )
 
 
+class HostSpec(_Strict):
+    """The share of one host, where the processes of a lab are spread over several."""
+
+    address: Annotated[str, Field(pattern=HOST_ADDRESS)] | None = Field(
+        None, description="Name or IP address by which other hosts reach it; by default the host's name."
+    )
+    port: Annotated[int, Strict(), Field(ge=1, le=65535)] | None = Field(None, description="Of its router.")
+    world: Flag = Field(False, description="Whether it has the world: one host has.")
+    router: Flag | None = Field(None, description="false: its processes connect to the router of the world's host.")
+    robots: Ids | None = Field(None, description="The robots whose processes it has.")
+
+
+Hosts = Annotated[
+    dict[Annotated[str, Field(pattern=HOST_NAME)], HostSpec],
+    Field(description="Which host has the world, which robots; rmr up --here NAME starts the share of one."),
+]
+
+
+class HostsFile(_Strict):
+    """The hosts of a lab in a file of their own."""
+
+    hosts: Annotated[Hosts, Field(min_length=1)]
+
+
 class LocalisationSpec(_Strict):
     """The ultrasonic localisation service."""
 
@@ -516,6 +542,7 @@ class LabFile(_Strict):
     robot: ShapeSpec = ShapeSpec()
     radio: RadioSpec = RadioSpec()
     bus: BusSpec = BusSpec()
+    hosts: Hosts = {}
     localisation: LocalisationSpec = LocalisationSpec()
     bodies: Annotated[list[BodySpec], BeforeValidator(bodies_value), WithJsonSchema(BODIES_SCHEMA)] = []
     faults: list[FaultSpec] = []

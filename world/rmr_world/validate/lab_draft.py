@@ -23,6 +23,7 @@ from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding, near_miss
 from rmr_world.found_passages import found_passages
+from rmr_world.hosts import hosts_of
 from rmr_world.lab import (
     KEYED,
     Fault,
@@ -119,6 +120,7 @@ class LabDraft:
             events=None if spec.events is None else folder / spec.events,
             key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
             mtls=spec.bus.security == "mtls",
+            hosts=hosts_of(spec.hosts),
             map_unknown_free=self.map_unknown_free,
             places=self.document.places,
         )

@@ -12,6 +12,7 @@ from rmr.bytecode.program import Constant
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr.radio.phy import NETWORK
 from rmr_world.finding import Finding, near_miss
+from rmr_world.hosts import host_errors
 from rmr_world.lab import PROGRAM_SUFFIXES, Kill, Restart
 from rmr_world.quorum import ALL
 from rmr_world.validate.lab_draft import LabDraft
@@ -133,6 +134,13 @@ def kills_and_restarts_alternate(draft: LabDraft) -> Iterator[Finding]:
             dead.add(robot)
 
 
+def hosts_fit(draft: LabDraft) -> Iterator[Finding]:
+    """The hosts of the file share out its robots, and one of them has the world."""
+    if draft.spec.hosts and "hosts" not in draft.cut:
+        roster = None if "robots" in draft.cut else draft.ids
+        yield from host_errors(draft.document, draft.spec.hosts, roster, draft.spec.lab)
+
+
 def disturbance_count(draft: LabDraft) -> Iterator[Finding]:
     """The radio can hold that many disturbances."""
     count = sum(isinstance(fault, Disturbance) for _, fault in draft.faults)
@@ -183,6 +191,7 @@ CHECKS = (
     quorum_fits,
     fault_robots_known,
     bodies_fit,
+    hosts_fit,
     kills_and_restarts_alternate,
     disturbance_count,
     network_fits,

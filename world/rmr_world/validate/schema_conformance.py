@@ -15,7 +15,18 @@ from pydantic_core import ErrorDetails
 
 from rmr_world.document import Document
 from rmr_world.finding import END_LINE, FilePath, Finding, LabError, near_miss
-from rmr_world.schema import LAB_NAME, NAME, NAMESPACE, PYTHON_FILE, TOPIC, LabFile, json_schema
+from rmr_world.schema import (
+    HOST_ADDRESS,
+    HOST_NAME,
+    LAB_NAME,
+    NAME,
+    NAMESPACE,
+    PYTHON_FILE,
+    TOPIC,
+    HostsFile,
+    LabFile,
+    json_schema,
+)
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts", "bodies"}
 """Sections from which a bad item is removed alone; of any other section all is removed."""
@@ -33,6 +44,8 @@ _SPELT: Mapping[str, str] = {
     NAME: "should be letters, digits and _, a small letter first",
     PYTHON_FILE: "should be a Python file, FILE.py",
     NAMESPACE: "should be a namespace of ROS 2 such as /robot_{id}: a / before each name of letters, digits and _",
+    HOST_NAME: "should be small letters, digits and -, neither first nor last a -",
+    HOST_ADDRESS: "should be the name or the IP address of a host, without protocol and port",
     TOPIC: "should be a topic of ROS 2 such as odom or /robot_{id}/odom: names of letters, digits and _",
 }
 """Patterns of the schema, and the words for each in an error message."""
@@ -66,15 +79,31 @@ def check_schema(document: Document) -> SchemaResult:
         return SchemaResult(LabFile.model_validate(data), found)
     except ValidationError as error:
         errors = error.errors(include_url=False)
-    schema = json_schema()
-    unread = {each.path for each in document.errors}  # the YAML reader has reported these places already
-    of_schema = [_finding(document, schema, item) for item in errors[:ERRORS_MAX]]
-    found += [each for each in of_schema if each.path not in unread and "(key)" not in each.path]
-    if len(errors) > ERRORS_MAX:
-        found.append(Finding(document.file, END_LINE, 1, "", f"and {len(errors) - ERRORS_MAX} more mistakes"))
+    found += _of_schema(document, json_schema(), errors)
     kept = _prune(data, [item["loc"] for item in errors])
     cut = {str(item["loc"][0]) for item in errors}
     return SchemaResult(LabFile.model_validate(data), found, cut, kept)
+
+
+def check_hosts_schema(document: Document) -> HostsFile:
+    """Return the hosts of a document that has nothing else. Raises LabError with all errors of its keys."""
+    if not isinstance(document.value, dict):
+        raise LabError([*document.errors, document.finding((), "should be a mapping with the key hosts")])
+    try:
+        return HostsFile.model_validate(document.value)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    raise LabError([*document.errors, *_of_schema(document, HostsFile.model_json_schema(), errors)])
+
+
+def _of_schema(document: Document, schema: dict[str, Any], errors: list[ErrorDetails]) -> list[Finding]:
+    """Return the errors of pydantic in this project's words, as many as are listed."""
+    unread = {each.path for each in document.errors}  # the YAML reader has reported these places already
+    of_schema = [_finding(document, schema, item) for item in errors[:ERRORS_MAX]]
+    found = [each for each in of_schema if each.path not in unread and "(key)" not in each.path]
+    if len(errors) > ERRORS_MAX:
+        found.append(Finding(document.file, END_LINE, 1, "", f"and {len(errors) - ERRORS_MAX} more mistakes"))
+    return found
 
 
 def _finding(document: Document, schema: dict[str, Any], error: ErrorDetails) -> Finding:
