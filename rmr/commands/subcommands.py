@@ -45,6 +45,7 @@ PROGRAMS: dict[str, tuple[str, str]] = {
     "agent": ("rmr_agent.main:main", "Run one robot."),
     "keys": ("rmr_deploy.keys_program:main", "Issue the keys by which processes of a lab know each other."),
     "sign": ("rmr_deploy.sign:main", "Sign a program, for robots that run signed ones alone."),
+    "export": ("rmr_deploy.export:main", "Write units of systemd, or compose files, for the hosts of a lab."),
     "router": ("rmr_deploy.router:main", "Run a router between the hosts of a lab."),
     "world": ("rmr_world.main:main", "Run the world server of a lab."),
 }
@@ -103,7 +104,7 @@ def _own(name: str) -> Runnable:
 
 HEADINGS: dict[str, str] = {
     "programs": "check compile dis eval explain fmt lsp radio",
-    "labs": "demo new lab sim sweep up agent world router keys sign",
+    "labs": "demo new lab sim sweep up agent world router export keys sign",
     "a lab that runs": "ls ps logs events stats facts config wait attach down "
     "kill stop start restart pause unpause fault load",
     "what a run leaves": "view why replay plot record",

@@ -16,6 +16,7 @@ from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, 
 from rmr.entry.completion import FILES, VARIABLE
 from rmr_agent.main import command as agent
 from rmr_deploy.doctor import command as doctor
+from rmr_deploy.export import command as export
 from rmr_deploy.fault import command as fault
 from rmr_deploy.fleet import VERBS
 from rmr_deploy.fleet import command as fleet
@@ -46,6 +47,7 @@ PROGRAMS = {
     "rmr up": up(),
     "rmr demo": demo_command(),
     "rmr doctor": doctor,
+    "rmr export": export(),
     "rmr fault": fault(),
     "rmr fleet": fleet(),
     "rmr keys": keys(),
