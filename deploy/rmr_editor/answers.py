@@ -239,5 +239,6 @@ COMPLETION_KINDS = {
     "constant": types.CompletionItemKind.Constant,
     "variable": types.CompletionItemKind.Variable,
     "keyword": types.CompletionItemKind.Keyword,
+    "file": types.CompletionItemKind.File,
 }
 """What a suggestion is, in the protocol's words."""

@@ -24,7 +24,7 @@ from rmr.lang.explain import explain
 from rmr.lang.explain.show import show_assertion
 from rmr.lang.format import one_line
 from rmr.lang.read.habits.brackets import AGGREGATES
-from rmr.lang.read.include import included_name
+from rmr.lang.read.include import in_library, included_name, library_files
 from rmr.lang.read.lexer import OPEN_COMMENT, Token, scanner, tokens
 from rmr.lang.read.source_text import SourceText, Span
 from rmr.lang.read.syntax import (
@@ -84,7 +84,7 @@ class Suggestion:
 
     word: str
     what: str
-    """A predicate, action, function, constant, variable or keyword."""
+    """A predicate, action, function, constant, variable, keyword or file."""
     detail: str = ""
     doc: str = ""
 
@@ -169,6 +169,9 @@ class SymbolIndex:
             is_action = not signature.is_fact and symbol.name in provided.ACTIONS
             if is_action or signature.provided or symbol.name in NAMES_OF_ROBOTS:
                 return f"`{symbol.name}` is provided by robots under this name"
+        library = [each.span.file for each in self.all(symbol) if in_library(each.span.file)]
+        if library:
+            return f"`{symbol.name}` has this name in the library, in std/{os.path.basename(library[0])}"
         return None
 
     def why_not(self, symbol: Named, name: str) -> str | None:
@@ -269,8 +272,10 @@ class SymbolIndex:
     # ---- what may be written
 
     def suggestions(self, file: str, offset: int) -> list[Suggestion]:
-        """Return the words that may be written at an offset; none within a comment or a string."""
+        """Return the words that may be written at an offset; none within a comment or a string but an include's."""
         text = self.program.sources[file].text
+        if included_at(self.program.sources[file], offset) is not None:
+            return [Suggestion(each, "file", "of the library") for each in library_files()]
         variables: dict[str, None] = {}
         begun = 0
         for word in tokens(text, ignored=True):

@@ -85,11 +85,13 @@ def _check(
 
 
 def _correct(compilations: Sequence["Compilation"]) -> int:
-    """Write the corrections of errors into the files that they concern; return the exit code."""
+    """Write the corrections of errors into the files that they concern, the library's not; return the exit code."""
+    from rmr.lang.read.include import in_library
+
     fixes: dict[str, dict[Fix, None]] = {}  # each once: files may be included by several
     sources = {file: source for each in compilations for file, source in each.sources.items()}
     for error in [error for each in compilations for error in each.errors]:
-        if error.fix is not None:
+        if error.fix is not None and not in_library(error.fix.span.file):
             fixes.setdefault(error.fix.span.file, {})[error.fix] = None
     code = 0
     for file, found in fixes.items():

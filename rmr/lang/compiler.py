@@ -13,7 +13,7 @@ from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.lower.emitter import Emitter
 from rmr.lang.lower.goal_paths import with_leads
 from rmr.lang.lower.servers import with_serving
-from rmr.lang.read.include import Editing, Loader
+from rmr.lang.read.include import Editing, Loader, short_name
 from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, GoalItem, ModuleNode
 
@@ -156,7 +156,7 @@ def emit(checked: Checked, sources: Mapping[str, SourceText]) -> Program:
 
 def _debug(checked: Checked, emitter: Emitter, sources: Mapping[str, SourceText]) -> Debug:
     def place(span: Span) -> Place:
-        name = span.file.encode(errors="replace").decode()  # of a file's name any octets but 0 may be part
+        name = short_name(span.file).encode(errors="replace").decode()  # of a file's name any octets but 0 may be part
         return Place(name, *sources[span.file].position(span.start))
 
     return Debug(

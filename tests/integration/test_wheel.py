@@ -50,6 +50,13 @@ def test_wheel_holds_the_provided_labs_and_runs_them_by_name(site, tmp_path):
     assert run(site, tmp_path, CHECK, *expected).returncode == 0
 
 
+def test_wheel_holds_the_library(site, tmp_path):
+    (tmp_path / "p.rmr").write_text('include "std/gradient.rmr".\ngradient_source(@1, home).\n')
+    code = "import sys; from rmr.cli import main; sys.argv = ['rmr', 'check', 'p.rmr']; main()"
+    answer = run(site, tmp_path, code)
+    assert (answer.returncode, answer.stderr) == (0, "")
+
+
 def test_wheel_tells_its_name_and_its_commands(site, tmp_path):
     code = (
         "from importlib.metadata import distribution; it = distribution('rmr-robots');"

@@ -1,11 +1,13 @@
 """Includes: the items of a file replace the `include` that names it.
 
-A path is relative to the including file. Each file is read once, identified by its resolved path; a second include has
+A path is relative to the including file; `std/NAME.rmr` that is not there is a file of the library, which comes with
+RMR. Each file is read once, identified by its resolved path; a second include has
 no effect. A cycle of includes is an error that lists its steps. A file that cannot be read is reported at the
 `include`; its syntax errors are reported in the file.
 """
 
 import os
+import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,6 +28,9 @@ DEPTH_MAX = 32
 
 CHARACTERS_MAX = 4 * SOURCE_OCTETS_MAX
 """Characters of all files of one program together."""
+
+LIBRARY = Path(__file__).resolve().parents[1] / "std"
+"""The folder of the files of the library."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +125,7 @@ class Loader:
                 raise SourceError("this is a pipe or a device, no file")
             return read_source(Path(name))
         except SourceError as error:
-            hint = error.hint or _alike(name)
+            hint = _alike_in_library(item.path) if in_library(name) else error.hint or _alike(name)
             self.found.report("E003", f"cannot include `{item.path}`: {error}", item.span, hint=hint)
             self.incomplete = True
             return None
@@ -137,8 +142,13 @@ class Loader:
 
 
 def included_name(path: str, includer: str) -> str:
-    """Return the name of an included file: relative to the includer's name, and normalised if that is the same file."""
+    """Return the name of an included file: relative to the includer's name, and normalised if that is the same file.
+
+    A file beside the includer comes before one of the library, so that a copy of a library file can be changed.
+    """
     joined = os.path.join(os.path.dirname(includer), path)
+    if re.fullmatch(r"std/\w+\.rmr", path) and not os.path.lexists(joined):
+        return str(LIBRARY / path.removeprefix("std/"))
     short = os.path.normpath(joined)
     return short if identity_of(short) == identity_of(joined) else joined
 
@@ -151,6 +161,21 @@ def identity_of(name: str) -> Path:
         return Path(name)
 
 
+def in_library(name: str) -> bool:
+    """Return whether the name of a file, as diagnostics use it, is that of a file of the library."""
+    return Path(name).parent == LIBRARY or identity_of(name).parent == LIBRARY
+
+
+def library_files() -> list[str]:
+    """Return the files of the library as an `include` names them, sorted."""
+    return sorted(f"std/{each.name}" for each in LIBRARY.glob("*.rmr"))
+
+
+def short_name(name: str) -> str:
+    """Return the name of a file for byte-code: that of a library file does not depend on where RMR is installed."""
+    return f"std/{os.path.basename(name)}" if os.path.dirname(name) == str(LIBRARY) else name
+
+
 def _is_endless(name: str) -> bool:
     """Whether reading may block (a pipe or a device); False for a missing file, which reading will report."""
 
@@ -159,6 +184,13 @@ def _is_endless(name: str) -> bool:
     except (OSError, ValueError):
         return False
     return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def _alike_in_library(path: str) -> str:
+    """Return the hint for a file that is neither beside the includer nor in the library."""
+    files = library_files()
+    hint = meant(path, files)
+    return f"{'the' if hint is None else f'{hint} The'} library has {', '.join(files)}"
 
 
 def _alike(name: str) -> str | None:

@@ -12,6 +12,7 @@ from lsp_client import LspClient, LspError, span
 
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.render import to_json
+from rmr.lang.read.include import LIBRARY, library_files
 from rmr_editor.programs import Lines
 
 pytestmark = pytest.mark.medium
@@ -486,6 +487,17 @@ def test_a_name_is_another_one_in_all_files_of_the_program(editor, tmp_path):
     assert edited(text, edit, main.as_uri()) == text.replace("ready", "waiting")
     assert edited("ready(R).\n", edit, part.as_uri()) == "waiting(R).\n"
     assert {each["textDocument"]["version"] for each in edit["documentChanges"]} == {1, None}
+
+
+def test_a_file_of_the_library_is_found_offered_and_left_alone(editor, tmp_path):
+    main = (tmp_path / "main.rmr").as_uri()
+    editor.open(main, 'include "std/gradient.rmr".\n$gradient_hops(R, home, H) -o far(R, H).\nfar(R, _) -o 1.\n')
+    assert editor.diagnostics(main) == []
+    found = editor.ask("definition", main, (0, 14)) + editor.ask("definition", main, (1, 3))
+    assert {each["uri"] for each in found} == {(LIBRARY / "gradient.rmr").as_uri()}
+    assert [each["label"] for each in editor.ask("completion", main, (0, 12))] == library_files()
+    with pytest.raises(LspError, match=r"in the library, in std/gradient\.rmr"):
+        editor.ask("rename", main, (1, 3), newName="hops")
 
 
 def test_a_name_in_a_part_of_two_programs_is_another_one_in_both(editor, tmp_path):

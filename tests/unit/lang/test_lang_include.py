@@ -4,11 +4,15 @@ import os
 from pathlib import Path
 
 import pytest
+from command_runner import invoke
 
+from rmr.commands.subcommands import command as main
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.render import render_text, to_json
-from rmr.lang.read.include import CHARACTERS_MAX, DEPTH_MAX, FILES_MAX
+from rmr.lang.read import include
+from rmr.lang.read.include import CHARACTERS_MAX, DEPTH_MAX, FILES_MAX, LIBRARY, library_files
 from rmr.lang.read.source_text import SOURCE_OCTETS_MAX
+from rmr.lang.read.syntax import ConstantItem
 
 
 @pytest.fixture(autouse=True)
@@ -158,3 +162,70 @@ def test_depth_number_and_size_of_files_are_bounded():
     large = {f"h{k}.rmr": "\n" * SOURCE_OCTETS_MAX for k in range(count)}
     includes = "".join(f'include "h{k}.rmr".\n' for k in range(count))
     assert [code for code, _, _ in told(compiled({"large.rmr": includes} | large, "large.rmr"))] == ["E008"]
+
+
+# ---- the library
+
+
+GRADIENT = 'include "std/gradient.rmr".\ngradient_source(@1, home).\n'
+
+
+def test_a_file_of_the_library_is_found_wherever_the_including_file_is():
+    files = {"labs/deep/main.rmr": 'include "../part.rmr".', "labs/part.rmr": GRADIENT}
+    compilation = compiled(files, "labs/deep/main.rmr")
+    assert compilation.diagnostics == []
+    assert "gradient_hops" in names(compilation)
+    assert {each.file for each in compilation.program.debug.rules} == {"std/gradient.rmr"}, "wherever RMR is installed"
+
+
+def test_a_file_beside_the_includer_comes_before_that_of_the_library():
+    compilation = compiled({"main.rmr": 'include "std/gradient.rmr". mine(@1) -o 1.', "std/gradient.rmr": "mine(R)."})
+    assert [each.file for each in compilation.included] == ["std/gradient.rmr"]
+    assert names(compilation) == ["mine"]
+
+
+def test_a_missing_file_of_the_library_names_those_that_exist():
+    files = ", ".join(library_files())
+    compilation = compiled({"main.rmr": 'include "std/gradeint.rmr".\ninclude "std/zzzzzzzz.rmr".'})
+    assert told(compilation) == [
+        ("E003", "main.rmr", f'include "std/{each}.rmr".') for each in ("gradeint", "zzzzzzzz")
+    ]
+    assert [each.hint for each in compilation.diagnostics] == [
+        f"did you mean `std/gradient.rmr`? The library has {files}",
+        f"the library has {files}",
+    ]
+
+
+def test_a_mistake_that_meets_a_file_of_the_library_names_the_file():
+    compilation = compiled({"main.rmr": f"{GRADIENT}type gradient_source(robot)."})
+    text = render_text(compilation.diagnostics, compilation.sources, color=False)
+    assert "main.rmr:3:6: error[E010]: `gradient_source` is declared twice" in text
+    assert f"{LIBRARY / 'gradient.rmr'}:" in text
+    swapped = compiled({"main.rmr": "gradient_source(@1).\n" + GRADIENT})
+    assert [code for code, _, _ in told(swapped)] == ["E011"]
+
+
+def test_each_file_of_the_library_is_a_program_whose_names_begin_with_those_of_the_library():
+    stems = {each.removeprefix("std/").removesuffix(".rmr") for each in library_files()}
+    for name in library_files():
+        compilation = compiled({"main.rmr": f'include "{name}".'})
+        assert [each.code for each in compilation.diagnostics if each.code != "W115"] == [], name
+        known = compilation.checked.names
+        made = {each.name for each in compilation.checked.ensemble.made}
+        own = {each.name for each in known.signatures.values() if not each.provided} - made
+        constants = {each.name.text for each in compilation.module.items if isinstance(each, ConstantItem)}
+        found = {*own, *known.functions, *constants}
+        assert {each for each in found if each.split("_")[0] not in stems or "_" not in each} == set(), name
+
+
+def test_fix_leaves_the_library_alone(monkeypatch):
+    folder = Path("installed").resolve()
+    folder.mkdir()
+    (folder / "part.rmr").write_text("p(R)\n")
+    monkeypatch.setattr(include, "LIBRARY", folder)
+    Path("main.rmr").write_text('include "std/part.rmr".\nq(R)\n')
+    invoke(main, ["check", "--fix", "main.rmr"])
+    assert (Path("main.rmr").read_text(), (folder / "part.rmr").read_text()) == (
+        'include "std/part.rmr".\nq(R).\n',
+        "p(R)\n",
+    )
