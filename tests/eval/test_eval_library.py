@@ -3,6 +3,7 @@
 import os
 import re
 from collections import deque
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,17 @@ PROGRAMS = {
         include "std/barrier.rmr".
         barrier_wait(R, 1).
         barrier_passed(R, K), K < 3 -o barrier_wait(R, K + 1).
+    """,
+    "handover": """
+        include "std/handover.rmr".
+        type action work(R: robot, A: robot, T: int) -o handover_report(R, A, T).
+        type action drop(robot, robot, int).
+        type begun(robot, int).
+        handover_task(@1, 7).
+        handover_task(@1, 8).
+        peer(@1, W) -o handover_worker(@1, W).
+        $handover_doing(R, A, T, _), not begun(R, T) -o begun(R, T), work(R, A, T).
+        handover_lost(R, A, T), begun(R, T) -o drop(R, A, T).
     """,
 }
 
@@ -188,6 +200,40 @@ def test_nobody_passes_a_barrier_before_all_live_robots_are_there(count, loss):
     assert run.report["time_s"] > 20, "15 seconds after the death"
 
 
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("count", [4, 20, 100])
+def test_the_task_of_a_dead_robot_is_done_by_another_one(count, loss):
+    options = {"robots": count, "loss": loss, "action_times": {"work": 20.0}, "until": 200}
+    run = evaluate(PROGRAMS["handover"], **options)
+    assert held(run, "handover_done")[1] == [["7"], ["8"]]
+    first = {robot for robot, each in run.report["robots"].items() if each["actions"]}
+    assert len(first) == 2, "each task is done once while nobody dies"
+    dies = min(first)
+    run = evaluate(PROGRAMS["handover"], **options, kill=[f"5s: @{dies}"])
+    assert held(run, "handover_done")[1] == [["7"], ["8"]]
+    started = [time for robot, each in run.report["robots"].items() for time, _ in each["actions"] if time > 5]
+    assert len(started) == 1
+    assert 13.5 < started[0] < 20, "12 seconds after the last lease"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_robots_never_hold_a_task_at_one_instant(seed):
+    options = {"robots": 4, "loss": 0.8, "seed": seed, "action_times": {"work": 1000.0}, "until": 300}
+    run = evaluate(PROGRAMS["handover"], **options)
+    spans = []
+    for robot, each in run.report["robots"].items():
+        for task in ("7", "8"):
+            told = [(time, text.split("(")[0]) for time, text in each["actions"] if text.endswith(f"@1, {task})")]
+            assert [what for _, what in told] == [("work", "drop")[index % 2] for index in range(len(told))]
+            times = [time for time, _ in told] + [float("inf")] * (len(told) % 2)
+            spans += [(task, *times[index : index + 2], robot) for index in range(0, len(times), 2)]
+    spans.sort()
+    assert len({robot for _, _, _, robot in spans}) > 1
+    assert len(spans) > 2, "some lease ran out"
+    for one, other in pairwise(spans):
+        assert one[0] != other[0] or one[2] <= other[1], (one, other)
+
+
 def test_the_page_has_a_section_for_each_file_and_what_it_costs():
     page = PAGE.read_text("utf-8")
     assert [f"std/{each}.rmr" for each in re.findall(r"^## (\w+)\n", page, re.MULTILINE)] == [
@@ -201,7 +247,8 @@ def test_the_page_has_a_section_for_each_file_and_what_it_costs():
     for name, program in PROGRAMS.items():
         cells = [name]
         for loss in LOSSES:
-            where = {"robots": 4, "topology": "complete"} if name == "barrier" else {"robots": 20, "topology": "grid"}
+            near = name in ("barrier", "handover")
+            where = {"robots": 4, "topology": "complete"} if near else {"robots": 20, "topology": "grid"}
             report = evaluate(program, **where, loss=loss, until=600).report
             cells += [f"{report['time_s']:.2f}", str(report["messages"]["sent"])]
         rows.append(f"| {' | '.join(cells)} |")
