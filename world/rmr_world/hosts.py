@@ -10,9 +10,8 @@ from pathlib import Path
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import DEFAULT_PORT
 from rmr_world.document import Document, read
-from rmr_world.finding import FilePath, Finding, LabError
+from rmr_world.finding import FilePath, Finding, LabError, near_miss
 from rmr_world.lab import Host, Lab
-from rmr_world.near_miss import near_miss
 from rmr_world.schema import HostSpec
 from rmr_world.validate.schema_conformance import check_hosts_schema
 
