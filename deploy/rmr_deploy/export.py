@@ -16,7 +16,7 @@ from rmr.entry import ExitCode, run
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import Command, Parser
-    from rmr_world.lab import Host, Lab
+    from rmr_world.lab import Lab, LabHost
 
 ABOUT = """\
 Write what starts the processes of LAB on each of its hosts: units of systemd, or a file for docker compose.
@@ -152,7 +152,7 @@ def _lab_files(lab: "Lab") -> dict[str, bytes]:
 
 
 def _commands(
-    lab: "Lab", host: "Host", hosts: Sequence["Host"], places: Places, *, opened: bool
+    lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], places: Places, *, opened: bool
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield the name and the command of each process of `host`."""
     from rmr.bus.endpoint import is_loopback
@@ -188,7 +188,7 @@ def _commands(
         yield name, [f"{places.programs}rmr-agent", "--id", str(robot), *words, f"{places.lab}/program.rbc"]
 
 
-def _systemd(lab: "Lab", host: "Host", hosts: Sequence["Host"], opened: bool) -> dict[str, bytes]:
+def _systemd(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> dict[str, bytes]:
     base = f"rmr-{lab.name}"
     credentials = f"/etc/{base}/{'keys' if lab.mtls else 'secret'}"
     places = Places("/opt/rmr/bin/", f"/etc/{base}/lab", credentials, f"/var/lib/{base}")
@@ -211,7 +211,7 @@ def _systemd(lab: "Lab", host: "Host", hosts: Sequence["Host"], opened: bool) ->
     return {f"{host.name}/{base}.target": target.encode(), **files}
 
 
-def _compose(lab: "Lab", host: "Host", hosts: Sequence["Host"], opened: bool) -> dict[str, bytes]:
+def _compose(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> dict[str, bytes]:
     import yaml
 
     from rmr.bus.endpoint import host_and_port

@@ -16,7 +16,7 @@ from rmr_deploy.active_runs import LAB_COPY
 from rmr_deploy.run_choice import FleetError
 from rmr_world.faults import fault_entries, fault_entry
 from rmr_world.finding import LabError
-from rmr_world.lab import Host, Lab
+from rmr_world.lab import Lab, LabHost
 from rmr_world.lab_file import load_lab
 from rmr_world.random_facts import LabFact
 
@@ -44,7 +44,7 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
     }
 
 
-def _host(host: Host) -> dict[str, Any]:
+def _host(host: LabHost) -> dict[str, Any]:
     return {
         "address": host.address,
         "port": host.port,

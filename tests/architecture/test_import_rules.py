@@ -145,7 +145,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
     "rmr_ros": {"geometry_msgs", "nav_msgs", "rclpy"},
     "rmr_sim": {"rich", "numpy", "pytest"},
-    "rmr_deploy": {"rich"},
+    "rmr_deploy": {"rich", "yaml"},  # yaml: what it exports for compose
     "rmr_editor": {"lsprotocol", "pygls", "pygments"},
     "rmr_view": {"pydantic", "matplotlib", "PIL", "starlette", "uvicorn", "websockets"},
 }

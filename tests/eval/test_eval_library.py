@@ -11,8 +11,6 @@ import pytest
 from rmr.eval.api import evaluate
 from rmr.lang.read.include import library_files
 
-pytestmark = pytest.mark.medium
-
 PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 FAR = 1000000
 SIZES = [4, 20, pytest.param(100, marks=pytest.mark.slow)]

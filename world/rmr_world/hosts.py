@@ -11,15 +11,15 @@ from rmr.base.ids import spelled
 from rmr.bus.endpoint import DEFAULT_PORT
 from rmr_world.document import Document, read
 from rmr_world.finding import FilePath, Finding, LabError, near_miss
-from rmr_world.lab import Host, Lab
+from rmr_world.lab import Lab, LabHost
 from rmr_world.schema import HostSpec
 from rmr_world.validate.schema_conformance import check_hosts_schema
 
 
-def hosts_of(specs: Mapping[str, HostSpec]) -> tuple[Host, ...]:
+def hosts_of(specs: Mapping[str, HostSpec]) -> tuple[LabHost, ...]:
     """Return the hosts of a file without errors, in its order."""
     return tuple(
-        Host(
+        LabHost(
             name,
             spec.address or name,
             DEFAULT_PORT if spec.port is None else spec.port,
@@ -31,12 +31,12 @@ def hosts_of(specs: Mapping[str, HostSpec]) -> tuple[Host, ...]:
     )
 
 
-def hub(hosts: Collection[Host]) -> Host:
+def hub(hosts: Collection[LabHost]) -> LabHost:
     """Return the host with the world, whose router joins those of the others."""
     return next(host for host in hosts if host.has_world)
 
 
-def host_named(hosts: Collection[Host], name: str) -> Host:
+def host_named(hosts: Collection[LabHost], name: str) -> LabHost:
     """Return the host `name`. Raises ValueError, which names those that there are."""
     found = next((host for host in hosts if host.name == name), None)
     if found is None:
@@ -45,7 +45,7 @@ def host_named(hosts: Collection[Host], name: str) -> Host:
     return found
 
 
-def read_hosts(path: Path, lab: Lab) -> tuple[Host, ...]:
+def read_hosts(path: Path, lab: Lab) -> tuple[LabHost, ...]:
     """Return the hosts in the file `path`, which share out the robots of `lab`. Raises LabError with all errors."""
     document = read(path)
     specs = check_hosts_schema(document).hosts

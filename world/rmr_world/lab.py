@@ -134,8 +134,8 @@ class ProgramLoad:
     """Who gets it; empty: all."""
 
 
-@dataclass(frozen=True, slots=True)
-class Host:
+@record
+class LabHost:
     """One host of a lab, and its share of the processes."""
 
     name: str
@@ -188,7 +188,7 @@ class Lab:
     """The file with the radio's key. It is no part of `radio`, whose settings are public on the bus."""
     mtls: bool = False
     """Whether the processes of its bus are those with keys alone."""
-    hosts: tuple[Host, ...] = ()
+    hosts: tuple[LabHost, ...] = ()
     """The hosts over which its processes may be spread, as the file has them."""
     map_unknown_free: int = field(default=0, compare=False)
     """How many cells of the map are free by its own threshold although they have the grey that means unknown."""

@@ -9,7 +9,7 @@ from command_runner import invoke
 from rmr_lab.commands import check as command
 from rmr_world.finding import LabError
 from rmr_world.hosts import host_named, hub, read_hosts
-from rmr_world.lab import Host
+from rmr_world.lab import LabHost
 from rmr_world.lab_file import load_lab
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
@@ -38,10 +38,10 @@ def wrong(tmp_path, text, lab=CORRIDOR):
 def test_a_file_says_who_has_what(tmp_path):
     hosts = read(tmp_path, GOOD)
     assert hosts == (
-        Host("a", "10.0.0.5", 7000, True, True, ()),
-        Host("b", "b", 17447, False, True, (1, 2, 3)),
-        Host("c", "fd00::7", 17447, False, False, (4, 5, 6)),
-        Host("relay", "relay", 17447, False, True, ()),
+        LabHost("a", "10.0.0.5", 7000, True, True, ()),
+        LabHost("b", "b", 17447, False, True, (1, 2, 3)),
+        LabHost("c", "fd00::7", 17447, False, False, (4, 5, 6)),
+        LabHost("relay", "relay", 17447, False, True, ()),
     )
     assert hub(hosts).endpoint("tls") == "tls/10.0.0.5:7000"
     assert host_named(hosts, "c").endpoint("tcp") == "tcp/[fd00::7]:17447"
