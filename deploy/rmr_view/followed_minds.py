@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.time import NEVER, Instant, in_seconds, seconds
-from rmr.base.values import Robot, Value, format_fact
-from rmr.bytecode.program import ANY, Constant, Kind, Program
+from rmr.base.values import Robot, format_fact
+from rmr.bytecode.program import ANY, Constant, Program
 from rmr.mind.mind_reader import MindLogError
 from rmr.mind.mind_replay import MindReplay
 from rmr.mind.recorded_minds import TOPIC, program_of
 from rmr.node.robot_state import ProgramBegun
-from rmr.node.trace import fact_text, goal_text, rule_text
+from rmr.node.trace import goal_text, rule_text
 from rmr.record.growing_recording import GrowingRecording
 from rmr.record.recording import RUN_FILE, Recording, open_recording, part_files
 from rmr.vm.machine import Machine
@@ -24,6 +24,7 @@ from rmr.vm.provenance import ProvenanceLog, ToldRecord
 from rmr.vm.ranks import goal_key
 from rmr.why.mind_index import MindIndex
 from rmr.why.past_items import PastAction, PastGoal
+from rmr.why.stops import is_hidden, is_sensed, known_text
 
 LISTED_MAX = 50
 """Firings, actions and achieved goals in one answer at most, the newest."""
@@ -113,24 +114,17 @@ def _s(at: Instant) -> float:
 
 def _facts(mind: MindIndex, now: Instant) -> Iterator[str]:
     """Yield what the robot knew by its rules, in program syntax."""
-    hidden = {each.predicate for each in mind.program.ensemble}
-    for index, predicate in enumerate(mind.program.predicates):
-        if not (is_sensed(mind.program, index) or index in hidden):
-            mark = "!" if predicate.kind is Kind.PERSISTENT else ""
+    for index in range(len(mind.program.predicates)):
+        if not (is_sensed(mind.program, index) or is_hidden(mind.program, index)):
             for fact in mind.held(index, now):
-                yield format_fact(predicate.name, (Robot(mind.robot), *fact.args), mark)
+                yield known_text(mind.program, index, mind.robot, fact.args)
 
 
 def _sensed(mind: MindIndex, now: Instant) -> Iterator[str]:
     for index in range(len(mind.program.predicates)):
         if is_sensed(mind.program, index):
             for fact in mind.held(index, now):
-                yield _sensed_text(mind.program, index, Robot(mind.robot), fact.args)
-
-
-def is_sensed(program: Program, predicate: int) -> bool:
-    """Return whether the robot states facts of a predicate of itself, such as `at` and `turn`."""
-    return program.predicates[predicate].provided or program.predicates[predicate].kind is Kind.SENSED
+                yield known_text(mind.program, index, mind.robot, fact.args)
 
 
 def sensed_facts(machine: Machine) -> list[str]:
@@ -139,17 +133,11 @@ def sensed_facts(machine: Machine) -> list[str]:
     What it has heard of its neighbours' shared facts is among them, in words.
     """
     return sorted(
-        _sensed_text(machine.program, index, machine.robot, args)
+        known_text(machine.program, index, int(machine.robot), args)
         for index in range(len(machine.program.predicates))
         if is_sensed(machine.program, index)
         for args in machine.each(index)
     )
-
-
-def _sensed_text(program: Program, predicate: int, robot: Robot, args: tuple[Value, ...]) -> str:
-    if any(each.predicate == predicate for each in program.ensemble):
-        return fact_text(program, predicate, robot, args)
-    return format_fact(program.predicates[predicate].name, (robot, *args))
 
 
 def _open_goals(mind: MindIndex, now: Instant) -> list[str]:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 ABOUT = """Execute the recorded minds of a run anew, and check that they do the same.
 
 Each robot is compared with its recording call by call: frames sent, wheel commands, trace, and a digest of its state
-each second. A recording of another version of rmr, of Python or of the platform is not replayed."""
+each second. A recording of another version of rmr, of Python or of the platform is not replayed.
+
+With --step the past of one robot is gone through instead, by commands: to the next firing or input, to an instant, to a
+fact, and back; `help` lists them. Commands may also come from a pipe."""
 
 HOW_TO_GET_IT_RIGHT = (
     "replay it with the version that recorded it, or see with --anyway what this version does otherwise"
@@ -36,18 +39,22 @@ def _declare(parser: Parser) -> None:
     parser.option("--to", dest="end", read=duration, metavar="T", help="replay up to this instant of lab time")
     parser.choice("--engine", [engine.value for engine in Engine], help="run the program by another engine")
     parser.option("--trace", read=Path, metavar="FILE", help="write the replayed trace, facts included, as JSON lines")
+    parser.flag("--step", help="go through the past of one robot by commands, such as next, back, facts, agenda")
     parser.flag("--anyway", help="replay also what another version has recorded")
     parser.flag("--json", help="the result as JSON on standard output")
 
 
 def _replay(**values: Any) -> int:
     """Replay a recording; return the exit code."""
+    from rmr.commands.replay_steps import check_options, step
     from rmr.record.mcap_scan import RecordingError
     from rmr.record.recording import open_recording
 
     arguments = argparse.Namespace(**values)
     if arguments.begin is not None and arguments.end is not None and arguments.begin > arguments.end:
         raise CommandLineError("--from lies after --to: nothing is in between")
+    if arguments.step:
+        check_options(arguments)
     if not arguments.run.exists():
         print(f"rmr replay: {arguments.run}: there is no such file or folder", file=sys.stderr)
         return ExitCode.USAGE
@@ -57,6 +64,8 @@ def _replay(**values: Any) -> int:
         print(f"rmr replay: {error}", file=sys.stderr)
         return ExitCode.INVALID
     with recording:
+        if arguments.step:
+            return step(arguments, recording, Progress(recording.span[1]), HOW_TO_GET_IT_RIGHT)
         return _traced(arguments, recording)
 
 
@@ -248,5 +257,9 @@ class Progress:
 
 
 command = Command(
-    ABOUT, _declare, _replay, "Exit codes: 0 equal, 1 a difference, 3 no valid recording, or of another version."
+    ABOUT,
+    _declare,
+    _replay,
+    "Exit codes: 0 equal, 1 a difference, 3 no valid recording, or of another version. With --step and a pipe: "
+    "1 a command found nothing to go to, 2 a command was wrong.",
 )

@@ -72,6 +72,12 @@ class ObservedMachine(Interpreted):
         self._because = cause
         super()._arrive(now, cause)
 
+    def run(self, now: Instant, last: bool = True) -> None:
+        """Run as every machine does, and note whether the run was not finished."""
+        super().run(now, last)
+        if self.busy:
+            self._log.unfinished.append(self.firings)
+
     # Consequences
 
     def _apply(self, now: Instant, rule: int, derivation: FiringEffect) -> None:
@@ -168,7 +174,7 @@ class ObservedMachine(Interpreted):
             None if candidate.rank == UNRANKED else candidate.rank,
             tuple(
                 [
-                    Rival(index, None if rank == UNRANKED else rank, each)
+                    Rival(index, None if rank == UNRANKED else rank, each, _serials(interpreter.chosen(index).facts))
                     for index, rank, each in interpreter.rivals(rule)
                 ]
             ),

@@ -155,6 +155,8 @@ class Rival(NamedTuple):
     rank: int | None
     urgency: int
     """As `rmr.vm.urgency` defines it."""
+    matched: tuple[int, ...] = ()
+    """A fact for each positive atom of its body: the match with which it would have fired."""
 
 
 class ChainOrigin(NamedTuple):
@@ -253,6 +255,8 @@ class ProvenanceLog:
 
     def __init__(self) -> None:
         self.records: list[ProvenanceRecord] = []
+        self.unfinished: list[int] = []
+        """After which firings, by number, a run of the machine ended although a rule may have been satisfied."""
 
     def told(self, now: Instant, event: object) -> None:
         """Note an event of the host."""

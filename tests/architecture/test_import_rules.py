@@ -54,6 +54,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.radio",
         "rmr.record",
         "rmr.vm",
+        "rmr.why",
     },
     "rmr_agent": {
         "rmr.base",

@@ -71,7 +71,9 @@ PROGRESS = re.compile(r"^\d+ of \d+ runs, .* to go\n", re.MULTILINE)
 
 def printed(command: str) -> str:
     """Run a command of this package in the present folder; return what it prints."""
-    name, *arguments = shlex.split(command.replace("\\\n", " "))
+    given, _, piped = command.replace("\\\n", " ").rpartition(" | ")
+    name, *arguments = shlex.split(piped)
+    text = shlex.split(given)[1].replace("\\n", "\n") if given else None  # of `printf TEXT | command`
     if name == "cat":
         return "".join(Path(each).read_text("utf-8") for each in arguments)
     if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
@@ -88,11 +90,11 @@ def printed(command: str) -> str:
         return _invoked(check, arguments[1:])
     assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"
     arguments = ["compile", *arguments] if name == "rmrc" else arguments
-    return _invoked(main, arguments)
+    return _invoked(main, arguments, text)
 
 
-def _invoked(command: Runnable, arguments: list[str]) -> str:
-    result = invoke(command, arguments)
+def _invoked(command: Runnable, arguments: list[str], text: str | None = None) -> str:
+    result = invoke(command, arguments, text=text)
     assert result.exception is None or isinstance(result.exception, SystemExit), arguments
     return result.output
 
