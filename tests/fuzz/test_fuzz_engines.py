@@ -30,8 +30,8 @@ from rmr.bytecode.program import ANY, Constant, Operator
 from rmr.bytecode.verify import verify
 from rmr.vm.engines import Engine
 
-SEED = 22
-CASES = 1000
+SEED = 23
+CASES = 1250
 PARTS = 5
 OTHERS = [engine for engine in Engine if engine is not Engine.INTERPRETER]
 
