@@ -18,16 +18,13 @@ from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, SEQUENCE_MASK, Announcement, Confirmed, Output, Received
 from rmr.radio.frame import BROADCAST, PAYLOAD_MAX, AckFrame, DataFrame, FrameError, encode_ack, encode_data
 from rmr.radio.links import Disturbance, Links
+from rmr.radio.mac import QUEUE_MAX, RETRIES_MAX
 from rmr.radio.phy import RadioConfig, draw, is_dropped, path_loss_db
 from rmr.radio.receive_filter import Counters, ReceiveFilter, decoded
 from rmr.radio.security import Security
 
 ACK_WAIT: Final[Duration] = 100 * NS_PER_MS
 """How long a station waits for an acknowledgement: a wireless network that is busy takes some tens of milliseconds."""
-RETRIES_MAX: Final = 3
-"""As in `rmr.radio.mac`."""
-UNANSWERED_MAX: Final = 64
-"""Requests that leave or wait for an acknowledgement; a further one fails at once, as in `rmr.radio.mac`."""
 TAKEN_MAX: Final = 512
 """Frames that wait for the host. Further ones are lost, and not acknowledged."""
 REMEMBERED_MAX: Final = 4096
@@ -118,7 +115,7 @@ class NetworkStation:
         sequence = self._sequence
         psdu = encode_data(DataFrame(self._pan, receiver, self.address, sequence & 0xFF, unicast, payload))
         self._want(now, now)
-        if len(self._pending) + self._leaving >= UNANSWERED_MAX:
+        if len(self._pending) + self._leaving >= QUEUE_MAX:
             self.counters.access_failed += 1
             self._out.append(Confirmed(handle, "access_failure"))
             return

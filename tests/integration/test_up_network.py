@@ -1,5 +1,7 @@
 """Robots that have a network, as processes: frames cross the bus as they are, farther than a radio reaches."""
 
+from greeting_program import PROGRAM
+
 LAB = """
 lab: far
 program: far.rmr
@@ -10,21 +12,11 @@ robots:
   - {ids: 1-3, grid: {from: [0.5, 0.5], step: [45.0, 0.4], columns: 3}}
 radio: {mode: network}
 """
-PROGRAM = """
-type action goto(robot, float, float).
-type start(robot).
-type hello(robot, robot, string).
-type !greeted(robot, robot).
-start(@1).
-greeted(@1, @1).
-start(A) -o {B | peer(A, B) | hello(B, A, "%s")}.
-hello(R, A, S) -o greeted(R, A).
-"""
 
 
 def test_processes_hear_each_other_over_the_network_where_no_radio_reaches(tmp_path, up):
     (tmp_path / "lab.yaml").write_text(LAB)
-    (tmp_path / "far.rmr").write_text(PROGRAM % ("word " * 60))
+    (tmp_path / "far.rmr").write_text(PROGRAM)
     launched = up(tmp_path / "lab.yaml")
     assert launched.wait(280) == 0, launched.out + launched.err
     report = launched.report()

@@ -1,6 +1,7 @@
 """A lab whose robots have a network: runs finish without a radio, and what has no meaning then is refused."""
 
 import pytest
+from greeting_program import PROGRAM
 
 from rmr_sim.main import main
 from rmr_sim.run_setup import prepare, report_of
@@ -16,16 +17,6 @@ arena: {size: [%s, 2.0]}
 robots:
   - {ids: 1-3, grid: {from: [0.5, 0.5], step: [%s, 0.4], columns: 3}}
 """
-PROGRAM = """
-type action goto(robot, float, float).
-type start(robot).
-type hello(robot, robot, string).
-type !greeted(robot, robot).
-start(@1).
-greeted(@1, @1).
-start(A) -o {B | peer(A, B) | hello(B, A, "%s")}.
-hello(R, A, S) -o greeted(R, A).
-"""
 
 
 @pytest.fixture
@@ -34,7 +25,7 @@ def lab(tmp_path):
 
     def make(more, wide=2.0):
         (tmp_path / "lab.yaml").write_text(LAB % (wide, (wide - 1) / 2) + more)
-        (tmp_path / "small.rmr").write_text(PROGRAM % ("word " * 60))
+        (tmp_path / "small.rmr").write_text(PROGRAM)
         return tmp_path
 
     return make

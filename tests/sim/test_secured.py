@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from greeting_program import PROGRAM
 
 from rmr.radio.frame import decode
 from rmr.radio.security import Level, Security
@@ -20,16 +21,6 @@ arena: {size: [2.0, 2.0]}
 robots:
   - {ids: 1-3, grid: {from: [0.5, 0.5], step: [0.4, 0.4], columns: 2}}
 """
-PROGRAM = """
-type action goto(robot, float, float).
-type start(robot).
-type hello(robot, robot, string).
-type !greeted(robot, robot).
-start(@1).
-greeted(@1, @1).
-start(A) -o {B | peer(A, B) | hello(B, A, "%s")}.
-hello(R, A, S) -o greeted(R, A).
-"""
 
 
 @pytest.fixture
@@ -39,7 +30,7 @@ def lab(tmp_path):
     def make(radio):
         (tmp_path / "lab.key").write_text(KEY)
         (tmp_path / "lab.yaml").write_text(f"{LAB}radio: {radio}\n")
-        (tmp_path / "small.rmr").write_text(PROGRAM % ("word " * 60))
+        (tmp_path / "small.rmr").write_text(PROGRAM)
         return tmp_path
 
     return make

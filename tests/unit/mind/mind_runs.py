@@ -12,6 +12,27 @@ from rmr_sim.simulation import Simulation
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 
+TOKENS = """
+type token(robot, int).
+type door(robot, symbol).
+type !next(robot, robot).
+type !left(robot, int).
+!next(@1, @2).
+!next(@2, @1).
+token(@1, 1).
+token(R, N), N < 30, !next(R, S) -o token(S, N + 1), ?door(R, left), ?left(R, N + 3).
+token(R, 30), !next(R, S) -o left(R, 30), door(R, left), door(S, left), token(S, 31).
+"""
+"""Two robots pass a token on, with open goals that are reached late."""
+AFTER_TOKENS = """
+type !extra(robot, symbol).
+type !next(robot, robot).
+type token(robot, int).
+!extra(R, fresh).
+token(R, N), N < 900, !next(R, S) -o token(S, N + 1).
+"""
+"""The program that takes its place: a fact of its own, and other numbers of predicates."""
+
 Logs = dict[tuple[int, int], list[bytes]]
 
 

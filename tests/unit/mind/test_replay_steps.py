@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from command_runner import invoke
-from mind_runs import LABS, MindRun
+from mind_runs import AFTER_TOKENS, LABS, TOKENS, MindRun
 from test_replay_command import written
 
 from rmr.commands.replay_command import command
@@ -20,24 +20,6 @@ from rmr_view.followed_minds import FollowedMind, sensed_facts
 
 pytestmark = pytest.mark.medium
 
-TOKENS = """
-type token(robot, int).
-type door(robot, symbol).
-type !next(robot, robot).
-type !left(robot, int).
-!next(@1, @2).
-!next(@2, @1).
-token(@1, 1).
-token(R, N), N < 30, !next(R, S) -o token(S, N + 1), ?door(R, left), ?left(R, N + 3).
-token(R, 30), !next(R, S) -o left(R, 30), door(R, left), door(S, left), token(S, 31).
-"""
-AFTER = """
-type !extra(robot, symbol).
-type !next(robot, robot).
-type token(robot, int).
-!extra(R, fresh).
-token(R, N), N < 900, !next(R, S) -o token(S, N + 1).
-"""
 DOORS = """
 type at(robot, int).
 type !door(robot, int, int).
@@ -60,7 +42,7 @@ robots: [{ids: 1-2, grid: {from: [0.4, 0.4], step: [0.5, 0], columns: 2}}]
 
 
 def small(folder: Path, program: str, more: str = "") -> MindRun:
-    for name, text in {"lab.yaml": LAB + more, "first.rmr": program, "after.rmr": AFTER}.items():
+    for name, text in {"lab.yaml": LAB + more, "first.rmr": program, "after.rmr": AFTER_TOKENS}.items():
         (folder / name).write_text(text)
     return MindRun(folder)
 

@@ -6,7 +6,8 @@ from random import Random
 from rmr.base.kernel import Kernel
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.links import Disturbance
-from rmr.radio.network import ACK_WAIT, LATENCY, TAKEN_MAX, UNANSWERED_MAX, Network, NetworkStation
+from rmr.radio.mac import QUEUE_MAX
+from rmr.radio.network import ACK_WAIT, LATENCY, TAKEN_MAX, Network, NetworkStation
 from rmr.radio.phy import NETWORK, RadioConfig
 
 PAN = 7
@@ -84,10 +85,10 @@ def test_a_cut_link_and_a_loss_take_frames():
 def test_a_station_has_no_more_than_a_bounded_number_of_requests_and_of_frames_that_wait():
     fleet = Fleet(2)
     fleet.stations[2].switch_off()
-    for handle in range(UNANSWERED_MAX + 3):
+    for handle in range(QUEUE_MAX + 3):
         fleet.stations[1].request(b"x", 2, handle)
     fleet.kernel.run_until(0)
-    assert fleet.outcomes(1) == [(UNANSWERED_MAX + more, "access_failure") for more in range(3)]
+    assert fleet.outcomes(1) == [(QUEUE_MAX + more, "access_failure") for more in range(3)]
     station = NetworkStation(9, PAN, 5, Random(1), CONFIG)
     sender = NetworkStation(8, PAN, 5, Random(2), CONFIG)
     for turn in range(TAKEN_MAX + 5):

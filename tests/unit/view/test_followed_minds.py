@@ -1,7 +1,7 @@
 """What the page shows of a robot at an instant is what its mind held then, also after a program was loaded."""
 
 import pytest
-from unit.mind.mind_runs import LABS, MindRun
+from unit.mind.mind_runs import AFTER_TOKENS, LABS, TOKENS, MindRun
 
 from rmr.base.time import NS_PER_S
 from rmr.mind.mind_replay import MindReplay
@@ -9,24 +9,6 @@ from rmr_view.followed_minds import LISTED_MAX, FollowedMind, sensed_facts
 
 pytestmark = pytest.mark.medium
 
-OLD = """
-type token(robot, int).
-type door(robot, symbol).
-type !next(robot, robot).
-type !left(robot, int).
-!next(@1, @2).
-!next(@2, @1).
-token(@1, 1).
-token(R, N), N < 30, !next(R, S) -o token(S, N + 1), ?door(R, left), ?left(R, N + 3).
-token(R, 30), !next(R, S) -o left(R, 30), door(R, left), door(S, left), token(S, 31).
-"""
-NEW = """
-type !extra(robot, symbol).
-type !next(robot, robot).
-type token(robot, int).
-!extra(R, fresh).
-token(R, N), N < 900, !next(R, S) -o token(S, N + 1).
-"""
 LAB = """
 lab: loaded
 program: old.rmr
@@ -42,7 +24,7 @@ def run(request, tmp_path_factory):
     if request.param == "corridor":
         return MindRun(LABS / "corridor", 7)
     folder = tmp_path_factory.mktemp("loaded")
-    for name, text in {"lab.yaml": LAB, "old.rmr": OLD, "new.rmr": NEW}.items():
+    for name, text in {"lab.yaml": LAB, "old.rmr": TOKENS, "new.rmr": AFTER_TOKENS}.items():
         (folder / name).write_text(text)
     return MindRun(folder)
 
