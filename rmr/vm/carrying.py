@@ -16,7 +16,7 @@ from typing import Any
 from rmr.base.time import Instant
 from rmr.base.values import format_fact
 from rmr.bytecode.octets import identity
-from rmr.bytecode.program import Kind, Program
+from rmr.bytecode.program import Duty, Kind, Program
 from rmr.bytecode.program_pair import ProgramPair
 from rmr.vm.assertions import goal_text
 from rmr.vm.derive import Chain
@@ -75,8 +75,10 @@ def carry_over(now: Instant, old: Machine, new: Machine, pair: ProgramPair) -> C
 
 def _facts(now: Instant, old: Machine, new: Machine, pair: ProgramPair, carried: Carried) -> None:
     of_goals = old._shared.withdrawals
+    # What neighbours have told is stated anew, as all that is sensed, and under the numbers of the new program.
+    heard = [each.predicate for each in old.program.ensemble if each.duty is Duty.HEARD]
     for index, predicate in enumerate(old.program.predicates):
-        if predicate.kind is Kind.ACTION or predicate.provided or index in of_goals:
+        if predicate.kind is Kind.ACTION or predicate.provided or index in of_goals or index in heard:
             continue
         target = pair.predicates[index]
         for args in list(old.each(index)):

@@ -97,7 +97,9 @@ def _what(mind: MindIndex, stop: PastStop) -> str:
             return "the robot goes on with another program"
         return f"the robot is started again (life {mind.epoch})" if mind.epoch else "the robot is started"
     if stop.action:
-        action = mind.actions[stop.action]
+        action = mind.actions.get(stop.action)
+        if action is None:
+            return f"an action that the program before began {_end(stop)}"
         if stop.kind is StopKind.BEGINNING:
             return f"action {_action(mind, action)} begins"
         return f"action {_action(mind, action)} {_end(stop)}"

@@ -161,6 +161,21 @@ def test_a_writer_that_has_restarted_is_heard():
 
 
 @pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize(("first", "second"), [("1.0", "2.0"), ("2.0", "1.0")])
+def test_values_of_two_lives_that_have_one_number_do_not_stay_beside_each_other(loss, first, second):
+    """The writer sets the first value of each life before it hears of the other one; its neighbour restarts, too."""
+    insert = [f"1s: broadcast_set(@1, speed, {first})", f"8s: broadcast_set(@1, speed, {second})"]
+    down = {"kill": ["5s: @1", "5s: @2"], "restart": ["8s: @1", "8s: @2"]}
+    run = evaluate(
+        'include "std/broadcast.rmr".', robots=4, topology="line", loss=loss, insert=insert, until=60, **down
+    )
+    assert run.quiescent
+    assert {robot: facts[2] for robot, facts in single(run, "broadcast_value").items()} == dict.fromkeys(
+        range(1, 5), second
+    )
+
+
+@pytest.mark.parametrize("loss", LOSSES)
 @pytest.mark.parametrize("count", SIZES)
 def test_the_live_robot_with_the_largest_number_leads_all(count, loss):
     run = run_of("leader", count, loss, kill=[f"10s: @{count}"])

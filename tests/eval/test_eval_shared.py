@@ -114,3 +114,17 @@ def test_a_shared_fact_that_never_stops_changing_keeps_its_rate():
     run = evaluate(program, robots=2, until=10.0, action_time=0.01)
     assert not run.quiescent
     assert run.report["messages"]["sent"] <= 10 / 0.2 + 1
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.005])
+def test_a_robot_that_is_back_is_heard_at_once_whatever_the_latency(latency):
+    program = """
+        type shared level(robot, int).
+        type tick(robot).
+        type total(robot, int).
+        level(R, 4).
+        tick(@1), N = sum(X, neighbor(@1, B), level(B, X)) -o total(@1, N).
+    """
+    more = {"kill": ["2s: @2"], "restart": ["5s: @2"], "insert": ["8s: tick(@1)"], "until": 20}
+    run = evaluate(program, robots=3, latency=latency, **more)
+    assert "total(@1, 8)" in run.report["robots"]["1"]["facts"]

@@ -134,13 +134,15 @@ class SharedFacts:
 
     def look(self, now: Instant) -> None:
         """Notice which shared facts have come and gone; rules and actions have just had their turn."""
+        news = False
         for index in self._heard:
             held = dict.fromkeys(self._machine.held(index))
             if held != self._told[index]:
+                news = True
                 self._told[index] = held
                 self._changed[index] = None
                 self._recent[index] = self._repeats()
-        if self._changed:
+        if news:  # one random wait for each change, however often the robot looks meanwhile
             self._plan_change(now)
         if now >= self.next_said:
             self._say(now)
@@ -231,7 +233,7 @@ class SharedFacts:
         return payloads.encode_shared_part(index, told)
 
     def _note_untold(self, now: Instant, index: int, untold: int) -> None:
-        self.untold[index] = max(untold, self.untold.get(index, 0))
+        self.untold[index] = untold
         if index not in self._over:  # once for each predicate
             self._over[index] = None
             name = self._state.program.predicates[index].name
@@ -286,6 +288,8 @@ class SharedFacts:
         said = payloads.decode_shared(frame.payload, self._widths, self._symbols.names, self._state.digest)
         if said is None:
             return  # another program's
+        if self._offered is not None:  # who has just come into range may already tell
+            self._look_around(now, self._offered())
         told = [(index, self._checked(frame.source, index, facts)) for index, facts in said.facts]
         if self._near is not None and frame.source not in self._present:
             return  # it was under way when its sender died

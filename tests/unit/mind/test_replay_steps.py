@@ -14,7 +14,7 @@ from rmr.mind.recorded_minds import minds
 from rmr.record.recording import open_recording
 from rmr.vm.engines import Engine
 from rmr.vm.provenance import FiringRecord, ProvenanceLog
-from rmr.why.stop_text import fact_texts
+from rmr.why.stop_text import fact_texts, stop_lines
 from rmr.why.stops import StopKind, Stops, choices
 from rmr_view.followed_minds import FollowedMind, sensed_facts
 
@@ -32,17 +32,23 @@ bell(R, 1).
 at(R, A), door(R, A, B) -o at(R, B).
 bell(R, N), N < 900 -o bell(R, N + 1).
 """
+ORDERED = """
+type action wait(R: robot, S: float).
+type done(robot).
+asked(@1).
+asked(R) -o wait(@2, 7.0) then done(R).
+"""
 LAB = """
 lab: small
 program: first.rmr
-duration: 8s
+duration: 14s
 arena: {size: [3.0, 3.0]}
 robots: [{ids: 1-2, grid: {from: [0.4, 0.4], step: [0.5, 0], columns: 2}}]
 """
 
 
-def small(folder: Path, program: str, more: str = "") -> MindRun:
-    for name, text in {"lab.yaml": LAB + more, "first.rmr": program, "after.rmr": AFTER_TOKENS}.items():
+def small(folder: Path, program: str, more: str = "", after: str = AFTER_TOKENS) -> MindRun:
+    for name, text in {"lab.yaml": LAB + more, "first.rmr": program, "after.rmr": after}.items():
         (folder / name).write_text(text)
     return MindRun(folder)
 
@@ -60,6 +66,9 @@ def made(tmp_path_factory):
                 "faulty": lambda: MindRun(LABS / "testbed", 4, chaos=True),
                 "loaded": lambda: small(folder, TOKENS, "loads: [{at: 2s, program: after.rmr}]\n"),
                 "doors": lambda: small(folder, DOORS),
+                "ordered": lambda: small(
+                    folder, ORDERED, "loads: [{at: 2s, program: after.rmr}]\n", f"{ORDERED}type extra(robot).\n"
+                ),
             }[name]()
             known[name] = run, written(folder / "run.mcap", run)
         return known[name]
@@ -330,3 +339,11 @@ def test_a_recording_of_another_version_needs_anyway(made, monkeypatch):
     assert (shown.exit_code, shown.stdout) == (3, "")
     assert "see with --anyway what this version does otherwise" in shown.stderr
     assert stepped(path, "next\n", "--robot", "3", "--anyway").exit_code == 0
+
+
+def test_an_action_of_another_robot_that_began_under_the_program_before_ends_with_a_text(made):
+    run, path = made("ordered")
+    stops = stops_of(path, 1, run.program)
+    texts = [line for index in range(len(stops.all)) for line in stop_lines(stops, index, ())]
+    assert any("an action that the program before began completed" in each for each in texts)
+    assert any("done(@1)" in each for each in texts)

@@ -8,6 +8,8 @@ from flock import Flock, losing
 
 from rmr.base.time import milliseconds, seconds
 from rmr.base.values import Robot, Symbol
+from rmr.bytecode.program import Duty
+from rmr.lang.compiler import compile_source
 from rmr.node import payloads
 from rmr.node.logic import shared_facts
 from rmr.node.payloads import PayloadKind, SharedFrame, WireError
@@ -136,6 +138,24 @@ def test_several_facts_and_equal_ones_are_a_set():
     flock.insert(1, "drop")
     flock.wait(1.0)
     assert known(flock, 2) == [(Robot(1), 2), (Robot(1), 300)], "one of two equal facts is left"
+
+
+def test_what_neighbours_have_told_is_stated_anew_after_another_program_takes_over():
+    program = """
+        type shared level(robot, int).
+        type seen(robot, robot, int).
+        level(@2, 1).
+        peer(R, N), level(N, L) -o seen(R, N, L).
+    """
+    flock = Flock(program, 2)
+    flock.wait(2)
+    after = compile_source(f"{program} type rise(robot). rise(R), level(R, _) -o level(R, 2).").program
+    for robot in (1, 2):
+        flock.node(robot).change_program(flock.kernel.now, after, 8)
+    flock.node(2).insert(flock.kernel.now, "rise", ())
+    flock.wait(20)
+    heard = next(each.predicate for each in after.ensemble if each.duty is Duty.HEARD)
+    assert list(flock.node(1).machine.each(heard)) == [(Robot(2), 2)]
 
 
 def test_older_frames_and_those_of_an_earlier_life_change_nothing():
