@@ -61,6 +61,8 @@ class Places:
     """The file with the secret, or the folder with a folder of keys for each process."""
     records: str
     """The folder of recordings."""
+    contained: bool = False
+    """Whether a router has a network of its own."""
 
 
 def _declare(parser: "Parser") -> None:
@@ -91,6 +93,7 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     from rmr_deploy.preparation import RunRefusedError, read_lab, read_program
     from rmr_world.finding import LabError
     from rmr_world.hosts import read_hosts
+    from rmr_world.lab import Outage
 
     try:
         found = read_lab(lab, None)
@@ -108,6 +111,9 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     if opened and found.mtls:
         print("rmr export: --open goes without `security: mtls` of the lab", file=sys.stderr)
         return ExitCode.USAGE
+    if wrong := _unfit(shares):
+        print(f"rmr export: {wrong}", file=sys.stderr)
+        return ExitCode.USAGE
     try:
         files = {"lab/program.rbc": octets, **_lab_files(found)}
         for share in shares:
@@ -124,7 +130,22 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
         print(f"rmr export: {where}", file=sys.stderr)
         return ExitCode.USAGE
     print(f"{len(files)} files in {output}, for {', '.join(share.name for share in shares)}")
+    if found.loads or any(not isinstance(fault, Outage) for fault in found.faults):
+        print("loads of programs and faults of processes are left out: rmr load and rmr fault carry them out")
     return ExitCode.OK
+
+
+def _unfit(hosts: Sequence["LabHost"]) -> str:
+    """Return why `hosts` cannot be exported; nothing where they can."""
+    from rmr.bus.endpoint import is_loopback
+    from rmr_world.hosts import hub
+
+    if any(host.name == "lab" for host in hosts):
+        return "a host cannot have the name lab, which is that of the folder with the lab's files"
+    first = hub(hosts)
+    if len(hosts) > 1 and is_loopback(first.endpoint("tcp")):
+        return f"no other host reaches {first.name} at {first.address}: give it an address of its network under hosts"
+    return ""
 
 
 def _lab_files(lab: "Lab") -> dict[str, bytes]:
@@ -167,7 +188,8 @@ def _commands(
         return [] if opened else ["--secret", places.credentials]
 
     if host.has_router:
-        beyond = host is first and not is_loopback(host.endpoint(protocol))
+        # A container's loopback is its own: what listens for other processes of the machine listens at all addresses.
+        beyond = host is first and (places.contained or not is_loopback(host.endpoint(protocol)))
         listen = f"{protocol}/{('[::]' if ':' in host.address else '0.0.0.0') if beyond else '127.0.0.1'}:{host.port}"
         joins = [] if host is first else ["--connect", first.endpoint(protocol)]
         open_ = ["--open"] if opened and beyond else []
@@ -200,7 +222,7 @@ def _systemd(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bo
             f"[Unit]\nDescription=RMR lab {lab.name}, {name}\nPartOf={base}.target\n"
             "StartLimitIntervalSec=0\nWants=network-online.target\n"
             f"After=network-online.target{after}\n\n[Service]\nType=exec\n"
-            f"ExecStart={shlex.join(words).replace('%', '%%')}\n"
+            f"ExecStart={exec_start(words)}\n"
             f"StateDirectory={base}\nWorkingDirectory=/var/lib/{base}\n{HARDENED}"
         )
         files[f"{host.name}/{base}-{name}.service"] = text.encode()
@@ -211,12 +233,17 @@ def _systemd(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bo
     return {f"{host.name}/{base}.target": target.encode(), **files}
 
 
+def exec_start(words: Sequence[str]) -> str:
+    """Return a command as `ExecStart=` reads it, where \\, $ and % have meanings of their own."""
+    return shlex.join(words).replace("\\", "\\\\").replace("$", "$$").replace("%", "%%")
+
+
 def _compose(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> dict[str, bytes]:
     import yaml
 
-    from rmr.bus.endpoint import host_and_port
+    from rmr.bus.endpoint import host_and_port, is_loopback
 
-    places = Places("", "/lab", "/keys" if lab.mtls else "/secret", "/record")
+    places = Places("", "/lab", "/keys" if lab.mtls else "/secret", "/record", contained=True)
     services: dict[str, Any] = {}
     for name, words in _commands(lab, host, hosts, places, opened=opened):
         # Inside a container $ is compose's own, so that it is doubled.
@@ -247,7 +274,8 @@ def _compose(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bo
             },
         }
         if name == "router" and address != "127.0.0.1":
-            service["ports"] = [f"{port}:{port}"]
+            own = "127.0.0.1:" if is_loopback(host.endpoint("tcp")) else ""
+            service["ports"] = [f"{own}{port}:{port}"]
         elif name != "router" and host.has_router:
             service |= {"network_mode": "service:router", "depends_on": {"router": {"condition": "service_healthy"}}}
         services[name] = service

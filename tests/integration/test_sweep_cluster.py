@@ -258,6 +258,14 @@ def test_no_scheduler_is_said(tmp_path, capsys, monkeypatch):
     assert err.count("\n") == 1
 
 
+def test_a_cluster_with_tls_needs_certificates(tmp_path, capsys):
+    words = ["corridor", "--robots", "2", "--seeds", "1-2", "--run", str(tmp_path / "run"), "--on", "tls://127.0.0.1:9"]
+    assert code_of(words) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("rmr sim: --on tls://127.0.0.1:9: Dask has no certificates here; its configuration needs ")
+    assert err.count("\n") == 1
+
+
 def test_what_to_install_is_said(tmp_path, capsys, monkeypatch):
     def missing(name):
         if name == "distributed":

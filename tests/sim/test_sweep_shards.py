@@ -123,3 +123,19 @@ def test_more_than_lab_and_program_make_a_sweep_another_one(tmp_path, capsys):
         assert "contents of the lab, program or Python files differ" in capsys.readouterr().err
         (tmp_path / name).write_text(before)
     assert code_of([str(tmp_path), "--resume", str(run)]) == 0
+
+
+def test_another_floor_in_the_image_of_the_map_makes_a_sweep_another_one(tmp_path, capsys):
+    def floor(blocked):
+        pixels = bytearray(b"\xff" * 400)
+        pixels[:blocked] = bytes(blocked)
+        (tmp_path / "floor.pgm").write_bytes(b"P5\n20 20\n255\n" + pixels)
+
+    lab = "lab: tiny\nprogram: tiny.rmr\nmap: floor.pgm\narena: {size: [1.0, 1.0]}\n"
+    lab += "robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]\nfinish: done(R)\nduration: 2s\n"
+    floor(20)
+    code, run = swept(tmp_path, "done(R).\n", "--seeds", "1-2", "--jobs", "1", lab=lab)
+    assert code == 0
+    floor(40)
+    assert code_of([str(tmp_path), "--resume", str(run)]) == 2
+    assert "contents of the lab, program or Python files differ" in capsys.readouterr().err

@@ -143,9 +143,11 @@ class RosBody:
             if stamp > last[0] - NS_PER_S:
                 self._refuse("odometry goes back in time")  # two messages changed places
                 return
-            self._history.clear()  # the driver or its clock was started again
+            self._jump()  # the driver or its clock was started again
             last = None
-            self.counts["jumps"] += 1
+        elif last is not None and stamp > last[0] + ODOMETRY_AGE_MAX:
+            self._jump()  # whatever it did in the meantime is not known
+            last = None
         if last is not None:
             self._roll(last[1], pose, (stamp - last[0]) / NS_PER_S)
         self._history.append((stamp, pose))
@@ -156,6 +158,12 @@ class RosBody:
         self._heard_at = arrived
         self.counts["odometry"] += 1
         self.trouble = ""
+
+    def _jump(self) -> None:
+        """Forget where odometry had the robot, and the poses that were measured before."""
+        self._history.clear()
+        self._fix = self._own_fix = None
+        self.counts["jumps"] += 1
 
     def _roll(self, before: Pose, now: Pose, dt: float) -> None:
         """Add the motion between two messages to the ways of the wheels."""
@@ -169,9 +177,7 @@ class RosBody:
             math.hypot(dx, dy) > FASTEST * shape.speed * dt + WAY_NOISE_M
             or abs(turned) > FASTEST * shape.turn * dt + TURN_NOISE_RAD
         ):
-            self._history.clear()
-            self._fix = self._own_fix = None
-            self.counts["jumps"] += 1
+            self._jump()
             return
         half = 0.5 * TRACK_M * turned
         self._left_m += way - half

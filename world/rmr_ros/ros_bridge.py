@@ -78,18 +78,21 @@ class _Link:
 
 
 class RosBridge:
-    """The bodies in ROS 2 of a lab. Making it opens a node; `close` ends it."""
+    """The bodies in ROS 2 of a lab. Making it opens a node; `close` ends it. Raises BridgeError."""
 
     def __init__(self, lab: str, bodies: Sequence[BodyTopics], arena: Arena, starts: Mapping[int, Pose]) -> None:
         self._links = {spec.robot: _Link(spec, arena, starts[spec.robot]) for spec in bodies}
         self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(
-            f"rmr_world_{lab.replace('-', '_')}",
-            context=self._context,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
+        try:
+            rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+            self._node = Node(
+                f"rmr_world_{lab.replace('-', '_')}",
+                context=self._context,
+                start_parameter_services=False,
+                enable_rosout=False,
+            )
+        except Exception as error:  # rclpy has a kind of its own for each; what they tell is the environment
+            raise BridgeError(f"ROS 2 does not start here, look at its environment variables: {error}") from None
         self._begun = False
         """Whether all robots have been there; before, what is missing is no news."""
         self._lock = threading.Lock()

@@ -219,7 +219,7 @@ def shard_in(text: str) -> Shard:
 
 
 def _address(text: str) -> str:
-    if re.fullmatch(r"(tcp|tls|wss?|ucx)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:]+\]:[0-9]{1,5}", text) is None:
+    if re.fullmatch(r"(tcp|tls|wss?)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:]+\]:[0-9]{1,5}", text) is None:
         raise ValueError(f"the address of a Dask scheduler, such as tcp://scheduler:8786, not {text!r:.60}")
     return text
 

@@ -64,6 +64,11 @@ class ClusterPool(Generic[Task, Outcome]):
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self._octets: bytes = cloudpickle.dumps(self._perform)
         self._killed: type[Exception] = distributed.KilledWorker
+        if self._address.startswith("tls:"):
+            tls = distributed.Security().get_connection_args("client").get("ssl_context")
+            if tls is None:  # else the library fails, and says so once more at its end
+                need = "its configuration needs distributed.comm.tls.ca-file and .client.cert and .key"
+                raise PoolError(f"--on {self._address}: Dask has no certificates here; {need}")
         try:
             self._client: Any = distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:

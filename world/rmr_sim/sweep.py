@@ -3,7 +3,7 @@
 The run folder gets `rows.jsonl`, with a row for each seed as soon as its run ends, and finally `sweep.json`, with all
 rows and their summary. Each seed that failed gets a folder `failed/seed-N` with its report, its trace and, after an
 internal error, `breakdown.txt`. A folder that becomes unwritable does not end the sweep: only these files are lost. A
-sweep that ended early goes on with `--resume`. Each worker process loads the lab once and runs one seed at a time.
+sweep that ended early goes on with `--resume`. Each worker process is given the loaded lab and runs one seed at a time.
 """
 
 import argparse

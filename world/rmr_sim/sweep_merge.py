@@ -5,6 +5,7 @@ on all that their first lines say, and each seed has to be there once. All that 
 """
 
 import argparse
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -106,7 +107,7 @@ def _gaps(parts: Sequence[tuple[Path, Shard, dict[str, Any], list[Row]]]) -> lis
         if foreign:
             problems.append(f"{folder} has {_some('seed', foreign)}, not of its shard {shard}")
         if missing:
-            again = f"{first['command']} --resume {folder}"
+            again = f"{first['command']} --resume {shlex.quote(str(folder))}"
             problems.append(f"{folder}, shard {shard}, has no row of {_some('seed', missing)}; to go on: {again}")
     of = parts[0][1].of
     if absent := [number for number in range(1, of + 1) if number not in places]:

@@ -20,6 +20,7 @@ from typing import Any, TextIO
 import rmr
 import rmr_sim
 import rmr_world
+from rmr.base.arena import to_data
 from rmr.base.file_errors import naming
 from rmr.mind.mind_versions import digest_of
 from rmr.mind.mind_versions import versions as mind_versions
@@ -62,7 +63,8 @@ def head(arguments: argparse.Namespace, loaded: LoadedLab) -> dict[str, Any]:
     lab = loaded.lab
     files = [path.read_bytes() for path in (lab.path, lab.program, lab.actions, lab.events) if path is not None]
     programs = [loaded.program, *(program for _, program in loaded.loads)]  # with all that they include
-    contents = [*files, loaded.key or b"", *(b"%x" % program.digest for program in programs)]
+    floor = repr(to_data(lab.arena)).encode()  # it may come from the image of a map
+    contents = [*files, floor, loaded.key or b"", *(b"%x" % program.digest for program in programs)]
     named = argparse.Namespace(**{**vars(arguments), "lab": "LAB", "strict": False})
     return {
         **versions(),

@@ -10,7 +10,7 @@ from pathlib import Path
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import DEFAULT_PORT
 from rmr_world.document import Document, read
-from rmr_world.finding import FilePath, Finding, LabError, near_miss
+from rmr_world.finding import FilePath, Finding, LabError
 from rmr_world.lab import Lab, LabHost
 from rmr_world.schema import HostSpec
 from rmr_world.validate.schema_conformance import check_hosts_schema
@@ -34,15 +34,6 @@ def hosts_of(specs: Mapping[str, HostSpec]) -> tuple[LabHost, ...]:
 def hub(hosts: Collection[LabHost]) -> LabHost:
     """Return the host with the world, whose router joins those of the others."""
     return next(host for host in hosts if host.has_world)
-
-
-def host_named(hosts: Collection[LabHost], name: str) -> LabHost:
-    """Return the host `name`. Raises ValueError, which names those that there are."""
-    found = next((host for host in hosts if host.name == name), None)
-    if found is None:
-        names = [host.name for host in hosts]
-        raise ValueError(f"there is no host '{name}'{near_miss(name, names) or '; there are ' + ', '.join(names)}")
-    return found
 
 
 def read_hosts(path: Path, lab: Lab) -> tuple[LabHost, ...]:

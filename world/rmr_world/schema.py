@@ -349,7 +349,7 @@ class HostSpec(_Strict):
 
 Hosts = Annotated[
     dict[Annotated[str, Field(pattern=HOST_NAME)], HostSpec],
-    Field(description="Which host has the world, which robots; rmr up --here NAME starts the share of one."),
+    Field(description="Which host has the world, which robots; rmr export writes what starts them."),
 ]
 
 

@@ -108,7 +108,11 @@ async def _bridge(lab: Lab, ending: Ending) -> "RosBridge | None":
         robots = spelled([body.robot for body in lab.bodies])
         ending.ask(f"robots {robots} have bodies in ROS 2: {NO_RCLPY} ({error})", ExitCode.FAILED)
         return None
-    bridge = RosBridge(lab.name, lab.bodies, lab.arena, {robot.id: robot.pose for robot in lab.robots})
+    try:
+        bridge = RosBridge(lab.name, lab.bodies, lab.arena, {robot.id: robot.pose for robot in lab.robots})
+    except BridgeError as error:
+        ending.ask(str(error), ExitCode.FAILED)
+        return None
     waiting = asyncio.ensure_future(bridge.ready())
     try:
         log.info("waiting for the robots of ROS 2")

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from command_runner import invoke
 
-from rmr_deploy.export import command
+from rmr_deploy.export import command, exec_start
 
 GOLDEN = Path(__file__).parent / "exported"
 HOSTS = """\
@@ -90,6 +90,32 @@ def test_what_cannot_be_exported_is_told(tmp_path):
     assert (done.exit_code, "has no hosts: name a file that has with --hosts FILE" in done.stderr) == (2, True)
     done = export(tmp_path, "compose", out=".")
     assert (done.exit_code, "is there already and not empty" in done.stderr) == (2, True)
+    done = export(tmp_path, "compose", hosts=HOSTS.replace("b:", "lab:"))
+    assert (done.exit_code, "a host cannot have the name lab" in done.stderr) == (2, True)
+    done = export(tmp_path, "systemd", hosts=HOSTS.replace("10.0.0.5", "127.0.0.1"))
+    assert (done.exit_code, "no other host reaches a at 127.0.0.1" in done.stderr) == (2, True)
+
+
+def test_a_router_in_a_container_is_reached_by_its_machine(tmp_path):
+    """What listens at a container's own loopback is reached by nobody."""
+    alone = "hosts:\n  a: {address: 127.0.0.1, world: true, robots: 1-6}\n"
+    assert export(tmp_path, "compose", "--open", hosts=alone).exit_code == 0
+    router = yaml.safe_load((tmp_path / "out" / "a" / "compose.yaml").read_text())["services"]["router"]
+    assert router["command"] == ["rmr", "router", "--listen", "tcp/0.0.0.0:17447", "--open"]
+    assert router["ports"] == ["127.0.0.1:17447:17447"]
+
+
+def test_what_rmr_up_carries_out_itself_is_said_to_be_left_out(tmp_path):
+    lab = tmp_path / "faulty"
+    shutil.copytree(Path(__file__).parents[3] / "deploy" / "labs" / "corridor", lab)
+    with (lab / "lab.yaml").open("a") as file:
+        file.write("faults: [{kill: 2, at: 5s}]\n")
+    assert "are left out: rmr load and rmr fault carry them out" in export(tmp_path, "systemd", lab=str(lab)).stdout
+    assert "left out" not in export(tmp_path, "systemd", out="sound").stdout
+
+
+def test_words_of_commands_are_quoted_as_units_read_them():
+    assert exec_start(["a", "b c", "$X", "50%", "back\\"]) == "a 'b c' '$$X' 50%% 'back\\\\'"
 
 
 def complaints(units):

@@ -8,7 +8,7 @@ from command_runner import invoke
 
 from rmr_lab.commands import check as command
 from rmr_world.finding import LabError
-from rmr_world.hosts import host_named, hub, read_hosts
+from rmr_world.hosts import hub, read_hosts
 from rmr_world.lab import LabHost
 from rmr_world.lab_file import load_lab
 
@@ -44,14 +44,7 @@ def test_a_file_says_who_has_what(tmp_path):
         LabHost("relay", "relay", 17447, False, True, ()),
     )
     assert hub(hosts).endpoint("tls") == "tls/10.0.0.5:7000"
-    assert host_named(hosts, "c").endpoint("tcp") == "tcp/[fd00::7]:17447"
-
-
-def test_a_host_that_is_not_there_is_told_with_those_that_are(tmp_path):
-    with pytest.raises(ValueError, match="there is no host 'd'; there are a, b, c, relay"):
-        host_named(read(tmp_path, GOOD), "d")
-    with pytest.raises(ValueError, match="there is no host 'realy'; did you mean 'relay'"):
-        host_named(read(tmp_path, GOOD), "realy")
+    assert hosts[2].endpoint("tcp") == "tcp/[fd00::7]:17447"
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,24 @@ def test_odometry_that_begins_anew_adds_no_way_and_keeps_the_pose():
     assert robot.body.counts["jumps"] == 2
 
 
+def test_a_pose_that_waits_is_forgotten_when_odometry_begins_anew():
+    """It was measured before; carried on by the new odometry it would be another place."""
+    robot = Driven()
+    robot.run(132)
+    robot.body.measured(robot.stamp(132), robot.measured(132), 0.02, 0.03)
+    robot.body.odometry(tick_start(140), robot.stamp(140) - 5 * NS_PER_S, Pose(9.0, 0.0, 0.0), STILL)
+    assert robot.body.sense(tick_start(140), tick_start(140), ()).fix is None
+
+
+def test_odometry_that_comes_back_after_a_silence_adds_no_way():
+    robot = Driven()
+    robot.run(120)
+    way = robot.body.sense(tick_start(120), tick_start(120), ()).left_m
+    robot.body.odometry(tick_start(1020), robot.stamp(1020), Pose(-5.0, 3.0, 2.0), STILL)  # 15 s later
+    assert robot.body.sense(tick_start(1020), tick_start(1020), ()).left_m == way
+    assert robot.body.counts["jumps"] == 1
+
+
 NAN = float("nan")
 REFUSED = {
     "odometry of NaN": (lambda b, t: b.odometry(0, t + 1, Pose(NAN, 0.0, 0.0), STILL), "a number that is none"),
