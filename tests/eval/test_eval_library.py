@@ -88,6 +88,7 @@ PROGRAMS = {
         $handover_doing(R, A, T, _), not begun(R, T) -o begun(R, T), work(R, A, T).
         handover_lost(R, A, T), begun(R, T) -o drop(R, A, T).
     """,
+    "gossip": 'include "std/gossip.rmr".\nid(R, N) -o gossip_value(R, heat, N).\n',
 }
 
 
