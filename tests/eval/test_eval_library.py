@@ -89,6 +89,12 @@ PROGRAMS = {
         handover_lost(R, A, T), begun(R, T) -o drop(R, A, T).
     """,
     "gossip": 'include "std/gossip.rmr".\nid(R, N) -o gossip_value(R, heat, N).\n',
+    "ordered": """
+        include "std/ordered.rmr".
+        type action got(robot, int, float).
+        id(R, N), N < 5 -o ordered_send(R, mine, N).
+        ordered_got(R, N, _, _, V) -o got(R, N, V).
+    """,
 }
 
 
@@ -261,7 +267,7 @@ def test_the_page_has_a_section_for_each_file_and_what_it_costs():
     for name, program in PROGRAMS.items():
         cells = [name]
         for loss in LOSSES:
-            near = name in ("barrier", "handover")
+            near = name in ("barrier", "handover", "ordered")
             where = {"robots": 4, "topology": "complete"} if near else {"robots": 20, "topology": "grid"}
             report = evaluate(program, **where, loss=loss, until=600).report
             cells += [f"{report['time_s']:.2f}", str(report["messages"]["sent"])]

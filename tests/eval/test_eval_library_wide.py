@@ -1,11 +1,13 @@
 """The library's files for whole ensembles: what docs/library.md promises, with loss and while a robot dies."""
 
+from itertools import pairwise
+
 import pytest
 from test_eval_library import LOSSES, PROGRAMS, SIZES, held, run_of, single
 
 from rmr.eval.api import evaluate
 
-FILES = ["gossip"]
+FILES = ["gossip", "ordered"]
 
 
 def told(run, action):
@@ -63,3 +65,84 @@ def test_robots_without_a_way_have_a_mean_of_their_own_and_none_without_values()
     run = evaluate(program, robots=4, topology="line", loss=0.2, until=60, kill=["10s: @2"])
     assert run.quiescent
     assert not any(held(run, "gossip_mean").values())
+
+
+# ---- ordered
+
+
+def orders(run):
+    """What each robot got: time, place and value, by robot."""
+    return {
+        robot: [(time, int(place), float(value)) for time, place, value in each]
+        for robot, each in told(run, "got").items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("count", "loss", "seed"),
+    [
+        *((4, loss, seed) for loss in LOSSES for seed in range(3)),
+        *((20, loss, 1) for loss in LOSSES),
+        pytest.param(100, 0.0, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_all_get_the_same_messages_in_the_same_order_when_the_sequencer_dies(count, loss, seed):
+    senders = sorted({1, 2, 3, count})
+    insert = [f"{0.1 * k}s: ordered_send(@{each}, more, {each + 0.1 * k})" for k in range(1, 4) for each in senders]
+    options = {"topology": "complete", "insert": insert, "seed": seed}
+    run = run_of("ordered", count, loss, **options, kill=[f"1.5s: @{count}"])
+    got = orders(run)
+    dead = got.pop(count)
+    lists = {tuple((place, value) for _, place, value in each) for each in got.values()}
+    assert len(lists) == 1
+    (order,) = lists
+    assert [place for place, _ in order] == list(range(1, len(order) + 1))
+    values = [value for _, value in order]
+    for each in senders[:-1]:
+        own = [each, *(each + 0.1 * k for k in range(1, 4))]
+        assert [value for value in values if int(value) == each] == pytest.approx(own)
+    told_to_dead = [(place, value) for _, place, value in dead]
+    assert 0 < len(told_to_dead) < len(order)
+    assert tuple(told_to_dead)[:-1] == order[: len(told_to_dead) - 1]
+    for before, after in pairwise(zip(*got.values(), strict=True)):
+        assert max(time for time, _, _ in before) <= min(time for time, _, _ in after), "one message more at most"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nobody_is_left_behind_when_most_frames_are_lost(seed):
+    insert = [f"{0.5 * k}s: ordered_send(@{1 + k % 4}, more, {10 + k})" for k in range(20)]
+    run = run_of("ordered", 4, 0.7, topology="complete", insert=insert, seed=seed)
+    got = orders(run)
+    assert {tuple((place, value) for _, place, value in each) for each in got.values()} == {
+        tuple((place, value) for _, place, value in got[1])
+    }
+    assert sorted(value for _, _, value in got[1]) == [1, 2, 3, 4, *range(10, 30)]
+    for before, after in pairwise(zip(*got.values(), strict=True)):
+        assert max(time for time, _, _ in before) <= min(time for time, _, _ in after)
+
+
+def test_a_robot_that_is_back_gets_the_later_messages_in_the_order_of_all_others():
+    insert = [f"{4 + 2 * k}s: ordered_send(@{1 + k % 3}, more, {10 + k})" for k in range(20)]
+    for dies in (2, 4):
+        run = run_of(
+            "ordered", 4, 0.2, topology="complete", insert=insert, kill=[f"5s: @{dies}"], restart=[f"30s: @{dies}"]
+        )
+        got = {robot: [(place, value) for _, place, value in each] for robot, each in orders(run).items()}
+        whole = got.pop(1)
+        own = got.pop(dies)
+        assert set(map(tuple, got.values())) == {tuple(whole)}
+        places = [place for place, _ in own]
+        assert places == sorted(set(places))
+        assert [each for each in whole if each in own] == own
+        assert own[-1] == whole[-1]
+
+
+def test_without_more_than_half_of_the_robots_nothing_more_is_ordered():
+    options = {"robots": 4, "topology": "complete", "loss": 0.2, "until": 100}
+    insert = ["6s: ordered_send(@1, more, 7.0)"]
+    run = evaluate(PROGRAMS["ordered"], **options, insert=insert, kill=["5s: @3,@4"])
+    assert [value for _, _, value in orders(run)[1]].count(7.0) == 0
+    run = evaluate(PROGRAMS["ordered"], **options, insert=insert, kill=["5s: @3,@4"], restart=["50s: @3,@4"])
+    got = orders(run)
+    for each in range(1, 5):
+        assert [value for _, _, value in got[each]].count(7.0) == 1

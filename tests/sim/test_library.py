@@ -36,3 +36,31 @@ def test_all_know_the_mean_of_the_live_robots(tmp_path, loss):
     assert held(run, "gossip_mean") == {robot: [["heat", "2.5"]] for robot in range(1, 5)}
     run = ran(tmp_path, program, faults=f"{LINE}, {{at: 15s, kill: 4}}", duration="30s", loss=loss)
     assert held(run, "gossip_mean", dead=[4]) == {robot: [["heat", "2.0"]] for robot in range(1, 4)}
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_all_get_the_same_order_when_the_sequencer_dies_and_one_more_is_away(tmp_path, loss, seed):
+    program = """
+        include "std/ordered.rmr".
+        type log(robot, list float).
+        type action wait(R: robot, S: float) -o again(R).
+        type again(robot).
+        log(R, []).
+        start(R).
+        start(R), id(R, N) -o ordered_send(R, mine, N), wait(R, 12).
+        again(R), id(R, N) -o ordered_send(R, mine, N + 0.5).
+        ordered_got(R, _, _, _, V), log(R, L) -o log(R, L + [V]).
+    """
+    faults = "{at: 10s, kill: 4}"
+    run = ran(tmp_path, program, faults=faults, duration="50s", loss=loss, seed=seed)
+    logs = {tuple(log) for [log] in held(run, "log", dead=[4]).values()}
+    assert len(logs) == 1
+    assert sorted(float(each.strip("[]")) for each in logs.pop()) == [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]
+    faults = "{at: 10s, kill: 4}, {at: 10s, kill: 3}"
+    run = ran(tmp_path, program, faults=faults, duration="50s", loss=loss, seed=seed)
+    assert {len(log) for [log] in held(run, "log", dead=[3, 4]).values()} == {4}, "two of four live"
+    run = ran(tmp_path, program, faults=f"{faults}, {{at: 40s, restart: 3}}", duration="90s", loss=loss, seed=seed)
+    logs = {tuple(log) for [log] in held(run, "log", dead=[3, 4]).values()}
+    assert len(logs) == 1
+    assert {float(each.strip("[]")) for each in logs.pop()} == {1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0}
