@@ -95,6 +95,24 @@ PROGRAMS = {
         id(R, N), N < 5 -o ordered_send(R, mine, N).
         ordered_got(R, N, _, _, V) -o got(R, N, V).
     """,
+    "snapshot": """
+        include "std/snapshot.rmr".
+        type action work(R: robot, N: int) -o step(R, N).
+        type step(robot, int).
+        neighbor(R, B) -o snapshot_link(R, B).
+        snapshot_value(R, 10).
+        step(R, 60).
+        step(R, N),
+        N > 0,
+        snapshot_value(R, V),
+        X = if(V >= 1, 1, 0),
+        M = min((id(C) * 31 + N * 17) % 101, neighbor(R, C)),
+        neighbor(R, B),
+        M = (id(B) * 31 + N * 17) % 101
+            -o snapshot_value(R, V - X), snapshot_message(B, R, X), work(R, N - 1),
+               if N = 58 && R = @1 then snapshot_take(R, 1) end.
+        snapshot_receive(R, _, X), snapshot_value(R, V) -o snapshot_value(R, V + X).
+    """,
 }
 
 

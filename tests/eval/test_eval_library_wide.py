@@ -7,7 +7,7 @@ from test_eval_library import LOSSES, PROGRAMS, SIZES, held, run_of, single
 
 from rmr.eval.api import evaluate
 
-FILES = ["gossip", "ordered"]
+FILES = ["gossip", "ordered", "snapshot"]
 
 
 def told(run, action):
@@ -146,3 +146,65 @@ def test_without_more_than_half_of_the_robots_nothing_more_is_ordered():
     got = orders(run)
     for each in range(1, 5):
         assert [value for _, _, value in got[each]].count(7.0) == 1
+
+
+# ---- snapshot
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("count", SIZES)
+def test_the_total_of_each_snapshot_is_the_true_one(count, loss):
+    passed = 0
+    for seed in range(10 if count == 4 else 1):
+        takes = ["1s: snapshot_take(@1, 2)", "1.01s: snapshot_take(@3, 1)", "2s: snapshot_take(@1, 3)"]
+        run = run_of("snapshot", count, loss, insert=takes, action_times={"work": 0.05}, seed=seed)
+        totals = {robot: facts for robot, facts in held(run, "snapshot_total").items() if facts}
+        whole = [str(10.0 * count), str(count)]
+        assert totals == {1: [["1", *whole], ["2", *whole], ["3", *whole]], 3: [["1", *whole]]}
+        passed += sum(map(len, held(run, "snapshot_passed").values()))
+    assert passed, "something was under way"
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("count", [4, 20])
+def test_a_snapshot_has_what_is_left_when_a_robot_has_died(count, loss):
+    options = {"kill": ["20s: @3"], "action_times": {"work": 0.05}}
+    run = run_of("snapshot", count, loss, insert=["60s: snapshot_take(@1, 2)"], **options)
+    left = sum(float(value) for [value] in single(run, "snapshot_value").values())
+    assert left < 10 * count
+    assert held(run, "snapshot_total")[1][1:] == [["2", str(left), str(count - 1)]]
+    run = run_of("snapshot", count, loss, insert=["19.995s: snapshot_take(@1, 2)"], **options)
+    assert held(run, "snapshot_total")[1][1:] == [["2", str(left), str(count - 1)]], "not waited for longer than 16 s"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_has_arrived_and_not_been_taken_in_is_in_the_picture_once(seed):
+    program = """
+        include "std/snapshot.rmr".
+        peer(R, B) -o snapshot_link(R, B).
+        snapshot_value(R, 10).
+        snapshot_message(@1, @2, 5.0).
+        snapshot_receive(@2, @1, 3.0).
+        snapshot_link(R, B) -o go(R).
+        go(@1) -o snapshot_take(@1, 1).
+        go(@2) -o 1.
+    """
+    run = evaluate(program, robots=2, loss=0.2, seed=seed)
+    assert held(run, "snapshot_total")[1] == [["1", "28.0", "2"]]
+    program = """
+        include "std/snapshot.rmr".
+        snapshot_value(R, 10).
+        snapshot_message(@1, @2, 5.0).
+        snapshot_marker(@1, @2, @2, 1).
+    """
+    run = evaluate(program, robots=2, loss=0.2, seed=seed)
+    assert held(run, "snapshot_cut")[1] == [["@2", "1", "@2", "15.0"]], "it was sent before the marker"
+
+
+def test_what_was_long_ago_goes():
+    takes = [f"{at}s: snapshot_take(@1, {number})" for at, number in ((1, 5), (2, 6), (3, 15))]
+    run = run_of("snapshot", 4, 0.2, insert=takes, action_times={"work": 0.05})
+    for facts in held(run, "snapshot_cut").values():
+        assert {number for _, number, _, _ in facts} == {"6", "15"}
+    assert {number for facts in held(run, "snapshot_passed").values() for _, number, *_ in facts} <= {"6", "15"}
+    assert [each[1:] for each in held(run, "snapshot_total")[1]] == [["40.0", "4"]] * 4

@@ -64,3 +64,39 @@ def test_all_get_the_same_order_when_the_sequencer_dies_and_one_more_is_away(tmp
     logs = {tuple(log) for [log] in held(run, "log", dead=[3, 4]).values()}
     assert len(logs) == 1
     assert {float(each.strip("[]")) for each in logs.pop()} == {1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0}
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_total_of_a_snapshot_is_the_true_one(tmp_path, loss, seed):
+    program = """
+        include "std/snapshot.rmr".
+        type action wait(R: robot, S: float) -o step(R).
+        type step(robot).
+        peer(R, B) -o snapshot_link(R, B).
+        snapshot_value(R, 10).
+        step(R).
+        step(R), snapshot_value(R, V), N = 1 + id(R) % 4
+            -o if V >= 1
+                   then snapshot_value(R, V - 1), snapshot_message(robot(N), R, 1)
+                   else snapshot_value(R, V)
+               end,
+               wait(R, 0.1).
+        snapshot_receive(R, _, X), snapshot_value(R, V) -o snapshot_value(R, V + X).
+        start(@1).
+        start(@2).
+        start(R) -o pause(R, 5, 1).
+        type action pause(R: robot, S: float, D: int) -o snapshot_take(R, D), next(R, D + 1).
+        next(R, D), D < 9 -o pause(R, 1, D).
+    """
+    actions = """
+        from rmr import action
+
+        @action("pause")
+        async def pause(robot, seconds, number):
+            await robot.sleep(seconds)
+    """
+    run = ran(tmp_path, program, duration="20s", loss=loss, seed=seed, actions=actions)
+    totals = held(run, "snapshot_total")
+    assert totals[1] == totals[2] == [[str(number), "40.0", "4"] for number in range(1, 9)]
+    assert any(held(run, "snapshot_passed").values())
