@@ -113,6 +113,18 @@ PROGRAMS = {
                if N = 58 && R = @1 then snapshot_take(R, 1) end.
         snapshot_receive(R, _, X), snapshot_value(R, V) -o snapshot_value(R, V + X).
     """,
+    "auction": """
+        include "std/auction.rmr".
+        type action work(R: robot, A: robot, T: int) -o handover_report(R, A, T).
+        type action drop(robot, robot, int).
+        type begun(robot, int).
+        handover_task(@1, 7).
+        handover_task(@1, 8).
+        peer(@1, W) -o handover_worker(@1, W).
+        auction_call(R, A, T, N), id(R, I) -o auction_bid(A, R, T, N, abs(I - T)).
+        $handover_doing(R, A, T, _), not begun(R, T) -o begun(R, T), work(R, A, T).
+        handover_lost(R, A, T), begun(R, T) -o drop(R, A, T).
+    """,
 }
 
 
@@ -254,10 +266,11 @@ def test_the_task_of_a_dead_robot_is_done_by_another_one(count, loss):
     assert 13.5 < started[0] < 20, "12 seconds after the last lease"
 
 
+@pytest.mark.parametrize("name", ["handover", "auction"])
 @pytest.mark.parametrize("seed", range(6))
-def test_two_robots_never_hold_a_task_at_one_instant(seed):
+def test_two_robots_never_hold_a_task_at_one_instant(seed, name):
     options = {"robots": 4, "loss": 0.8, "seed": seed, "action_times": {"work": 1000.0}, "until": 300}
-    run = evaluate(PROGRAMS["handover"], **options)
+    run = evaluate(PROGRAMS[name], **options)
     spans = []
     for robot, each in run.report["robots"].items():
         for task in ("7", "8"):
@@ -285,7 +298,7 @@ def test_the_page_has_a_section_for_each_file_and_what_it_costs():
     for name, program in PROGRAMS.items():
         cells = [name]
         for loss in LOSSES:
-            near = name in ("barrier", "handover", "ordered")
+            near = name in ("barrier", "handover", "ordered", "auction")
             where = {"robots": 4, "topology": "complete"} if near else {"robots": 20, "topology": "grid"}
             report = evaluate(program, **where, loss=loss, until=600).report
             cells += [f"{report['time_s']:.2f}", str(report["messages"]["sent"])]

@@ -7,7 +7,7 @@ from test_eval_library import LOSSES, PROGRAMS, SIZES, held, run_of, single
 
 from rmr.eval.api import evaluate
 
-FILES = ["gossip", "ordered", "snapshot"]
+FILES = ["gossip", "ordered", "snapshot", "auction"]
 
 
 def told(run, action):
@@ -208,3 +208,44 @@ def test_what_was_long_ago_goes():
         assert {number for _, number, _, _ in facts} == {"6", "15"}
     assert {number for facts in held(run, "snapshot_passed").values() for _, number, *_ in facts} <= {"6", "15"}
     assert [each[1:] for each in held(run, "snapshot_total")[1]] == [["40.0", "4"]] * 4
+
+
+# ---- auction
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("count", [4, 20, 100])
+def test_the_lowest_bidder_does_the_task_and_when_it_dies_the_next_one(count, loss):
+    options = {"robots": count, "loss": loss, "action_times": {"work": 20.0}, "until": 200}
+    run = evaluate(PROGRAMS["auction"], **options)
+    assert held(run, "handover_done")[1] == [["7"], ["8"]]
+    works = {robot: [task for _, _, task in each] for robot, each in told(run, "work").items() if each}
+    assert sorted(task for each in works.values() for task in each) == ["7", "8"]
+    assert sorted(works) == ([3, 4] if count == 4 else [7, 8])
+    if count > 4:
+        assert works == {7: ["7"], 8: ["8"]}
+    dies = max(works)
+    run = evaluate(PROGRAMS["auction"], **options, kill=[f"8s: @{dies}"])
+    assert sorted(held(run, "handover_done")[1]) == [["7"], ["8"]]
+    later = [(robot, time, task) for robot, each in told(run, "work").items() for time, _, task in each if time > 8]
+    assert [(robot, [task]) for robot, _, task in later] == [(2 if count == 4 else 9, works[dies])]
+    assert 16.5 < later[0][1] < 25, "12 seconds after the last lease, and 2 for the bids"
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_worker_that_is_back_is_called_again_and_may_bid_late(loss):
+    program = """
+        include "std/auction.rmr".
+        type action work(R: robot, A: robot, T: int) -o handover_report(R, A, T).
+        type begun(robot).
+        type ready(robot).
+        handover_task(@1, 7).
+        handover_worker(@1, @2).
+        auction_call(R, A, T, N), ready(R) -o auction_bid(A, R, T, N, 1).
+        $handover_doing(R, A, T, _), not begun(R) -o begun(R), work(R, A, T).
+    """
+    options = {"robots": 3, "loss": loss, "action_times": {"work": 20.0}, "until": 200}
+    run = evaluate(program, **options, kill=["5s: @2"], restart=["12s: @2"], insert=["30s: ready(@2)"])
+    assert run.quiescent
+    assert held(run, "handover_done")[1] == [["7"]]
+    assert [31.9 < time < 34 for each in told(run, "work").values() for time, *_ in each] == [True]

@@ -100,3 +100,29 @@ def test_the_total_of_a_snapshot_is_the_true_one(tmp_path, loss, seed):
     totals = held(run, "snapshot_total")
     assert totals[1] == totals[2] == [[str(number), "40.0", "4"] for number in range(1, 9)]
     assert any(held(run, "snapshot_passed").values())
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_the_lowest_bidder_does_the_task_and_when_it_dies_the_next_one(tmp_path, loss):
+    program = """
+        include "std/auction.rmr".
+        type begun(robot, int).
+        peer(@1, W) -o handover_worker(@1, W).
+        start(@1).
+        start(R) -o handover_task(R, 7).
+        auction_call(W, A, T, N), id(W, I) -o auction_bid(A, W, T, N, 5 - I).
+        $handover_doing(W, A, T, _), not begun(W, T) -o begun(W, T), dig(W, A, T, 20).
+        type action dig(R: robot, A: robot, T: int, S: float) -o handover_report(R, A, T).
+    """
+    actions = """
+        from rmr import action
+
+        @action("dig")
+        async def dig(robot, auctioneer, task, seconds):
+            await robot.sleep(seconds)
+    """
+    run = ran(tmp_path, program, duration="10s", loss=loss, actions=actions)
+    assert [robot for robot, facts in held(run, "begun").items() if facts] == [4]
+    run = ran(tmp_path, program, faults="{at: 10s, kill: 4}", duration="60s", loss=loss, actions=actions)
+    assert [robot for robot, facts in held(run, "begun", dead=[4]).items() if facts] == [3]
+    assert held(run, "handover_done", dead=[4])[1] == [["7"]]
