@@ -125,6 +125,14 @@ PROGRAMS = {
         $handover_doing(R, A, T, _), not begun(R, T) -o begun(R, T), work(R, A, T).
         handover_lost(R, A, T), begun(R, T) -o drop(R, A, T).
     """,
+    "channel": """
+        include "std/channel.rmr".
+        type leave(robot).
+        gradient_source(@1, home).
+        gradient_source(@20, goal).
+        channel_width(R, home, goal, 0).
+        leave(R), gradient_source(R, _) -o 1.
+    """,
 }
 
 

@@ -3,11 +3,11 @@
 from itertools import pairwise
 
 import pytest
-from test_eval_library import LOSSES, PROGRAMS, SIZES, held, run_of, single
+from test_eval_library import LOSSES, PROGRAMS, SIZES, held, run_of, single, ways
 
 from rmr.eval.api import evaluate
 
-FILES = ["gossip", "ordered", "snapshot", "auction"]
+FILES = ["gossip", "ordered", "snapshot", "auction", "channel"]
 
 
 def told(run, action):
@@ -249,3 +249,44 @@ def test_a_worker_that_is_back_is_called_again_and_may_bid_late(loss):
     assert run.quiescent
     assert held(run, "handover_done")[1] == [["7"]]
     assert [31.9 < time < 34 for each in told(run, "work").values() for time, *_ in each] == [True]
+
+
+# ---- channel
+
+
+def in_channel(count, ends, width, dead=()):
+    one, other = [ways(count, end, dead) for end in ends]
+    if ends[1] not in one:
+        return set()
+    return {robot for robot in one if robot in other and one[robot] + other[robot] <= one[ends[1]] + width}
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("count", SIZES)
+def test_the_channel_is_the_shortest_ways_and_those_near_them(count, loss):
+    side = len([each for each in range(count) if each * each < count])
+    program = PROGRAMS["channel"].replace("@20", f"@{side}")
+    options = {"robots": count, "topology": "grid", "loss": loss, "until": 600, "seed": 3}
+    dead = [] if side == 2 else [2]
+    for width in (0, 2):
+        wide = program.replace("goal, 0)", f"goal, {width})")
+        run = evaluate(wide, **options, kill=[f"10s: @{each}" for each in dead])
+        assert run.quiescent
+        assert {robot for robot, facts in held(run, "channel_on").items() if facts} == in_channel(
+            count, (1, side), width, dead
+        )
+    for before, after in ((side, count), (count, side)):
+        moves = [f"10s: leave(@{before})", f"10s: gradient_source(@{after}, goal)"]
+        run = evaluate(program.replace(f"@{side}", f"@{before}"), **options, insert=moves)
+        assert run.quiescent
+        on = {robot for robot, facts in held(run, "channel_on").items() if facts}
+        assert on == in_channel(count, (1, after), 0)
+
+
+def test_there_is_no_channel_between_ends_without_a_way():
+    program = PROGRAMS["channel"].replace("@20", "@5")
+    run = evaluate(program, robots=5, topology="line", loss=0.2, until=100)
+    assert all(held(run, "channel_on").values())
+    run = evaluate(program, robots=5, topology="line", loss=0.2, until=100, kill=["10s: @3"])
+    assert run.quiescent
+    assert not any(held(run, "channel_on").values())

@@ -126,3 +126,21 @@ def test_the_lowest_bidder_does_the_task_and_when_it_dies_the_next_one(tmp_path,
     run = ran(tmp_path, program, faults="{at: 10s, kill: 4}", duration="60s", loss=loss, actions=actions)
     assert [robot for robot, facts in held(run, "begun", dead=[4]).items() if facts] == [3]
     assert held(run, "handover_done", dead=[4])[1] == [["7"]]
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_a_channel_goes_around_a_dead_robot(tmp_path, loss):
+    program = """
+        include "std/channel.rmr".
+        gradient_source(@1, home).
+        gradient_source(@3, goal).
+        channel_width(R, home, goal, 0).
+    """
+    square = ", ".join(f"{{from: 0s, to: 200s, link: [{a}, {b}], cut: true}}" for a, b in ((1, 3), (2, 4)))
+    for faults, end, dead, expected in (
+        (square, "10s", [], [1, 2, 3, 4]),
+        (f"{square}, {{at: 10s, kill: 2}}", "20s", [2], [1, 3, 4]),
+        (f"{square}, {{at: 10s, kill: 2}}, {{at: 10s, kill: 4}}", "25s", [2, 4], []),
+    ):
+        run = ran(tmp_path, program, faults=faults, duration=end, loss=loss)
+        assert [robot for robot, facts in held(run, "channel_on", dead).items() if facts] == expected
