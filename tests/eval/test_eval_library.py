@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rmr.eval.api import evaluate
-from rmr.lang.read.include import library_files
+from rmr.lang.read.include import LIBRARY, library_files
 
 PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 FAR = 1000000
@@ -291,6 +291,23 @@ def test_two_robots_never_hold_a_task_at_one_instant(seed, name):
     assert len(spans) > 2, "some lease ran out"
     for one, other in pairwise(spans):
         assert one[0] != other[0] or one[2] <= other[1], (one, other)
+
+
+def lines_of(name, counted):
+    """Lines with more than a comment or an include of a file of the library, and of those that it includes."""
+    counted.add(name)
+    text = (LIBRARY / f"{name}.rmr").read_text("utf-8")
+    code = [each for each in text.splitlines() if each.partition("//")[0].strip()]
+    included = [match[1] for each in code if (match := re.fullmatch(r'include "std/(\w+)\.rmr"\.', each))]
+    more = [lines_of(each, counted) for each in included if each not in counted]
+    return len(code) - len(included) + sum(more)
+
+
+def test_the_page_has_the_lines_of_the_files_beside_other_languages():
+    table = PAGE.read_text("utf-8").partition("<!-- lines: begin -->")[2].partition("<!-- lines: end -->")[0]
+    rows = re.findall(r"^\| [a-z ]+ \| (\d+) \(`(\w+)`\) \|", table, re.MULTILINE)
+    assert [name for _, name in rows] == ["distance", "channel", "leader", "collect"]
+    assert [(int(lines), name) for lines, name in rows] == [(lines_of(name, set()), name) for _, name in rows]
 
 
 def test_the_page_has_a_section_for_each_file_and_what_it_costs():
