@@ -140,6 +140,8 @@ class Hosted:
         self.firings = 0
         self._link = self._ensemble.ether.link(self.robot, self._alarm.set)
         self.node = self._ensemble.make_node(self.robot, self._link, len(self.past), self._killed_at)
+        near = self._ensemble.conditions.topology.neighbors(self.robot)
+        self.node.miss(now, [other for other in near if not self._ensemble.robots[other].alive])
         self._ensemble.note_idle(self, False)
         self.start(now)
 

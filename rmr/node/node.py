@@ -168,6 +168,10 @@ class Node:
         self.services.insert(now, name, args)
         self.next_wake = min(self.next_wake, now)
 
+    def miss(self, now: Instant, others: Sequence[int]) -> None:
+        """Note, before the start, robots that `Ports.neighbors` would offer if they lived."""
+        self._proximity.miss(now, others)
+
     def change_program(self, now: Instant, program: Program, digest: int) -> ProgramChanged:
         """Go on with another program, in the same life; tell what is kept and what ends (`program_change`).
 

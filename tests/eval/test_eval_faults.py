@@ -186,6 +186,18 @@ def test_a_fact_for_a_dead_robot_is_dropped_with_a_warning(bench):
     assert "3s: send" not in told
 
 
+def test_a_robot_that_restarts_learns_who_is_dead_in_its_range(bench):
+    """Robot 2 has never heard robot 3 in its new life; robot 4, out of its range, is not named; robot 1 comes back."""
+    text = "type heard_of(robot, robot). silent(R, N), not heard_of(R, N) -o heard_of(R, N)."
+    deaths = ["--kill", "1s: @1,@3,@4", "--kill", "2s: @2", "--restart", "3s: @2", "--restart", "9s: @1"]
+    report = bench.run(text, "--robots", "5", "--topology", "line", *deaths)
+    assert report["quiescent"]
+    assert report["time_s"] == 18.0
+    assert facts(report, 2) == ["heard_of(@2, @3)"]
+    assert facts(report, 1) == []
+    assert facts(report, 5) == ["heard_of(@5, @4)"]
+
+
 def test_deaths_stand_in_the_trace(bench):
     noted = bench.notes(CHARGE, "--robots", "2", "--kill", "1s: @2", "--restart", "2s: @2")
     assert [note for note in noted if note["what"] == "fault"] == [

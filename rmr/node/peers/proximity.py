@@ -30,9 +30,14 @@ class Proximity:
         self._offered = offered
         self._near: Offered | None = None
         self._silent_from: dict[int, Instant] = {}
-        """Of robots that the host has offered and offers no more."""
+        """Of robots that the host has offered and offers no more, or would offer if they lived."""
         self.next_wake: Instant = NEVER
         """When the next one of them is silent; NEVER where frames tell: a robot that says hello is called often."""
+
+    def miss(self, now: Instant, others: Sequence[int]) -> None:
+        """Note robots that the host would offer if they lived, as this one begins: they are silent unless they come."""
+        for other in others:
+            self._silent_from[other] = now + DEAD
 
     def state(self, now: Instant) -> None:
         """State the facts as of now."""
