@@ -2,7 +2,8 @@
 
 Another place behind the entrance is taken, and announced to the others, at once. Before the entrance the route there is
 planned when the slot nears, once a second at most: in a crowd one robot that is late changes the ranks of all behind
-it, and a plan costs milliseconds.
+it, and a plan costs milliseconds. A route that leads to no entrance is not kept: on it the robot would get no nearer to
+its slot, which would be put off for ever.
 """
 
 from typing import Final
@@ -10,6 +11,7 @@ from typing import Final
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
+from rmr.node.crossing.course import Course
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.phases import Inside
 from rmr.node.parts import CrossingHost
@@ -79,5 +81,11 @@ class Destinations:
         course = crossing.course
         if course.destination is None or running is None or running.permit is not crossing:
             course.send(None)
-        elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, course.replan_from):
+        elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, self._replans_from(course)):
             self._robot.depart(course.destination, final_heading=None, permit=crossing)
+
+    def _replans_from(self, course: Course) -> Instant:
+        """Return when the robot may plan: at any time where the route that it has leads to no entrance."""
+        driver = self._robot.driver
+        route = None if driver is None else driver.navigator.route
+        return 0 if route is None or route.gate_m is None else course.replan_from
