@@ -25,9 +25,10 @@ from rmr.bus.session import open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_deploy.lab_run import make_report
-from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, read_lab, read_program
+from rmr_deploy.preparation import RunPlan, RunRefusedError, read_lab, read_program
 from rmr_deploy.run_choice import FleetError
 from rmr_deploy.run_end import judged_end, names
+from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import RobotLine, Screen, make_screen, table
 from rmr_deploy.status_monitor import StatusMonitor

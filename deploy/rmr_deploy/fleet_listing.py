@@ -207,8 +207,8 @@ def usage_rows(run: LaunchedRun, before: dict[str, dict[str, Any]]) -> list[dict
     """
     rows = []
     for process in process_rows(run):
-        if process["exit_code"] is not None or process["state"] == "ended":
-            continue
+        if process["exit_code"] is not None or process["state"] == "ended" or process["pid"] is None:
+            continue  # it has ended, or is another host's
         now_s = time.monotonic()
         fields = stat_fields(process["pid"])
         cpu_s = None if fields is None else (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

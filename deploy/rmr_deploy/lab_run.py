@@ -26,8 +26,11 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr_deploy.active_runs import write_end
 from rmr_deploy.detached import DetachedOutput
+from rmr_deploy.host_run import HostRun, join_hint, share_report
 from rmr_deploy.launch import LabRun
-from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
+from rmr_deploy.preparation import RunPlan, RunRefusedError, make_plan
+from rmr_deploy.run_end import names
+from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import make_screen, table
 from rmr_deploy.status_monitor import StatusMonitor
@@ -81,15 +84,20 @@ async def run_and_report(plan: RunPlan, background: DetachedOutput | None = None
 
     A report that cannot be written does not keep the table back. Raises OSError when a process cannot be started.
     """
-    run = LabRun(plan, make_screen(json=plan.options.as_json))
+    screen = make_screen(json=plan.options.as_json)
+    run = LabRun(plan, screen) if plan.share is None else HostRun(plan, plan.share, screen)
     run.events.heard = None if background is None else background.heard
     outcome = await run.go()
     record = make_report(plan, outcome, run.monitor)
+    if isinstance(run, HostRun):
+        outcome.elsewhere = run.elsewhere()
+    if not plan.has_world:
+        return outcome, share_report(record, plan)
     try:
         run_report.write(record, plan.folder)
     except OSError as error:
         outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
-    if not plan.options.no_record:
+    if plan.share is None and not plan.options.no_record:
         outcome.recording = await asyncio.to_thread(join_recording, plan, outcome)
     return outcome, record
 
@@ -120,18 +128,27 @@ def _record_faults(plan: RunPlan, outcome: RunOutcome) -> None:
 def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
     """Show the table and the run in a few words, and where it is asked for the report as JSON."""
     as_json = plan.options.as_json
+    if not plan.has_world and not outcome.elsewhere.report:
+        print(f"rmr up: {outcome.reason}", file=sys.stderr)
+        return
     where = f"the report is {plan.folder / run_report.REPORT_FILE}"
+    if not plan.has_world:
+        where = outcome.elsewhere.report
     if outcome.report_error is not None:
         print(f"rmr up: {outcome.report_error}", file=sys.stderr)
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
-    print(f"{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
-    hint = [] if plan.options.no_record else missed_hint(record, plan.options.record or plan.folder)
+    who = "" if plan.has_world or plan.share is None else f"host {plan.share.here.name}, {names(plan.robots)}; lab "
+    print(f"{who}{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
+    recorded = not plan.options.no_record and plan.share is None
+    hint = [] if not recorded else missed_hint(record, plan.options.record or plan.folder)
     for line in (*run_warnings(record), *(f"recording: {problem}" for problem in outcome.recording), *hint):
         print(f"rmr up: {line}", file=sys.stderr)
     if as_json:
         print(run_report.to_json(record), end="")
-    if not plan.options.no_record:
+    if plan.share is not None and plan.has_world and not plan.options.no_record:
+        print(join_hint(plan, outcome), file=sys.stderr if as_json else sys.stdout)
+    if recorded:
         print(view_hint(plan.options.record or plan.folder), file=sys.stderr if as_json else sys.stdout)
 
 

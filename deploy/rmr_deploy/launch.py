@@ -26,18 +26,18 @@ from rmr.bus.endpoint import BusError
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.page_start import PageStart, open_page
-from rmr_deploy.preparation import RunPlan, agent_command, free_port, world_command
+from rmr_deploy.preparation import RunPlan, agent_command, endpoint_of, world_command
 from rmr_deploy.process_faults import FaultSchedule, ProcessFaults, ask_outage
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
 from rmr_deploy.restarts import Restarts
 from rmr_deploy.robot_lives import RobotLives, told_facts, told_status
-from rmr_deploy.run_end import judged_end, names, patiently, sweep, unready, who_came_back, who_ended
+from rmr_deploy.run_end import end_processes, judged_end, names, patiently, sweep, unready, who_came_back, who_ended
 from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
-from rmr_deploy.screen import Screen
+from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
-from rmr_world.quorum import ALL, STOPPED
+from rmr_world.quorum import ALL, STOPPED, Fate
 
 POLL_S = 0.05
 """Period with which the states of processes are polled: the exit of one is reported within this time."""
@@ -67,7 +67,13 @@ class LabRun:
         self._page: PageStart | None = None
         self._processes = ProcessGroup()
         self._world: Child | None = None
-        self.lives = RobotLives(plan.lab.roster, self.outcome, self._will_start)
+        self.roster = plan.lab.roster if plan.has_world else plan.robots
+        """The robots that this launcher judges and shows."""
+        self.waiting: Callable[[], None] = lambda: None  # called while nobody answers at the endpoint
+        # A robot that is dead may be started again, by the policy or a fault of the lab file.
+        self.lives = RobotLives(
+            plan.robots, self.outcome, lambda robot: self.restarts.waits(robot) or self.schedule.will_restart(robot)
+        )
         self._robots = self.lives.children
         self.faults = ProcessFaults(
             self._robots,
@@ -76,8 +82,8 @@ class LabRun:
         )
         self.outcome.faults = self.faults.entries
         self.restarts = Restarts(plan.options.restart, self._replace)
-        self.schedule = FaultSchedule(plan.lab.faults, self._order)
-        self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
+        self.schedule = FaultSchedule([one for one in plan.lab.faults if one.robot in plan.robots], self._order)
+        self._limit_s = plan.options.timeout_s or self._ready_limit_s + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
         self._drawn = 0.0
 
@@ -95,7 +101,7 @@ class LabRun:
                 self._screen.say(unregistered)
             self.events.note("started", f"lab {self.plan.lab.name} starts", connect=self._endpoint, **about)
             await self._attend()
-            self.outcome.absent = self.lives.absent()
+            self.outcome.absent = self.lives.absent() | self._others()
             self.events.note("over", self.outcome.reason, finished=self.outcome.finished, reason=self.outcome.reason)
             await self._stop()
         finally:
@@ -124,22 +130,22 @@ class LabRun:
 
     def _start(self) -> str:
         """Start the processes; return what `write_processes` does. Raises OSError."""
-        plan = self.plan
-        endpoint = f"{'tcp' if plan.options.keys is None else 'tls'}/127.0.0.1:{free_port()}"
-        self._endpoint = endpoint
-        self._world = self._child("world", "world", world_command(plan, endpoint))
-        for robots in plan.process_robots:
-            ids = spelled(robots)
-            child = self._child(f"robot-{ids}", f"robots-{ids}", agent_command(plan, robots, endpoint))
-            self._robots |= dict.fromkeys(robots, child)
+        self._endpoint = endpoint_of(self.plan)
+        self._world = self._child("world", "world", world_command(self.plan, self._endpoint))
+        self._start_robots()
         return self._record_processes()
+
+    def _start_robots(self, *, threaded: bool = False) -> None:
+        for robots in self.plan.process_robots:
+            ids = spelled(robots)
+            command = agent_command(self.plan, robots, self._endpoint)
+            child = self._child(f"robot-{ids}", f"robots-{ids}", command, threaded=threaded)
+            self._robots |= dict.fromkeys(robots, child)
 
     def _record_processes(self) -> str:
         """Write the processes into the run folder; return what `write_processes` does. Raises OSError."""
-        lab = self.plan.lab
         pids = {child.name: child.pid for child in self._processes.children}
-        about = {"name": lab.name, "file": str(lab.path.resolve()), "robots": len(lab.robots), "seed": lab.seed}
-        return write_processes(self.plan.folder, self._endpoint, pids, about | {"roster": list(lab.roster)})
+        return write_processes(self.plan.folder, self._endpoint, pids, self.plan.about)
 
     def _start_again(self, robots: Sequence[int], name: str) -> Child:
         """Start the process `name`, which is `robots` from now on. Raises OSError."""
@@ -171,7 +177,8 @@ class LabRun:
 
     async def _attend(self) -> None:
         """Return when the run is over; `outcome` says why."""
-        opening = asyncio.create_task(StatusMonitor.of(self.plan.lab.name, self._endpoint, self.plan.secret))
+        who = self.plan.lab.name, self._endpoint, self.plan.credentials
+        opening = asyncio.create_task(StatusMonitor.of(*who, self.waiting))
         try:
             await self._until(opening.done)
         finally:
@@ -180,9 +187,10 @@ class LabRun:
             opening.cancel()
         if self.outcome.reason or self.monitor is None:
             return
-        monitor = self.monitor
-        roster = self.plan.lab.roster
-        await self._until(lambda: monitor.ready(roster))
+        monitor, roster = self.monitor, self.roster
+        await self._join(monitor)
+        if not self.outcome.reason:
+            await self._until(lambda: monitor.ready(roster))
         if not self.outcome.reason:
             self.outcome.ready_s = time.monotonic() - self._began
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
@@ -191,6 +199,9 @@ class LabRun:
             with watched(self.plan, place, say), performed_loads(self.plan, place, self.events, say) as told:
                 self.outcome.loads = told
                 await self._until(self._finished)
+
+    async def _join(self, monitor: StatusMonitor) -> None:
+        """Join the other hosts of the lab, if there are any."""
 
     def _take_monitor(self, opened: asyncio.Task[StatusMonitor]) -> None:
         """Take the launcher's session on the bus, or the reason for which the router refused it."""
@@ -203,14 +214,14 @@ class LabRun:
         """Whether the run has reached its end in good order."""
         outcome = self.outcome
         assert self.monitor is not None
-        outcome.finished, outcome.reason = judged_end(self.plan.lab, self.monitor, self.lives.lost())
+        outcome.finished, outcome.reason = judged_end(self.plan.lab, self.monitor, self.lives.lost() | self._others())
         if outcome.finished:
             outcome.reason += who_came_back(self.lives.replaced())
         return bool(outcome.reason)
 
-    def _will_start(self, robot: int) -> bool:
-        """Whether a robot that is dead will be started again, by the policy or a fault of the lab file."""
-        return self.restarts.waits(robot) or self.schedule.will_restart(robot)
+    def _others(self) -> dict[int, Fate]:
+        """Return what became of the robots of other hosts that are not there and will not be."""
+        return {}
 
     async def _until(self, claim: Callable[[], bool]) -> None:
         """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
@@ -224,7 +235,6 @@ class LabRun:
 
     def _check_processes(self) -> None:
         """Set the reason to end the run early, if there is one: an exit, an interruption, a limit."""
-        elapsed_s = time.monotonic() - self._began
         self._report_exits()  # before requests: the process that follows must find its predecessor retired
         serve_requests(self.plan.folder, self._answer)
         self.faults.resume()
@@ -236,16 +246,23 @@ class LabRun:
                 self.events.note("fault", message, fault=entry)
         if self.monitor is not None:
             self.lives.note_returned(self.monitor, self._note_robot)
-        if self.outcome.reason:
-            return
+        if not self.outcome.reason:
+            self.outcome.reason = self._early_end(time.monotonic() - self._began)
+
+    @property
+    def _ready_limit_s(self) -> float:
+        return READY_S_MAX if self.plan.share is None else self.plan.share.wait_s
+
+    def _early_end(self, elapsed_s: float) -> str:
+        """Return why the run ends early by a person's will or a limit, if it does."""
         if self.outcome.interrupted:
-            self.outcome.reason = "interrupted"
-        elif self.outcome.ready_s is None and elapsed_s > READY_S_MAX:
-            self.outcome.reason = (
-                f"not ready within {READY_S_MAX:g} s: {', '.join(unready(self.monitor, self.plan.lab))}"
-            )
-        elif elapsed_s > self._limit_s:
-            self.outcome.reason = f"not finished within {self._limit_s:g} s of wall time"
+            return "interrupted"
+        if self.outcome.ready_s is None and elapsed_s > self._ready_limit_s:
+            return f"not ready within {self._ready_limit_s:g} s: {', '.join(self._unready())}"
+        return f"not finished within {self._limit_s:g} s of wall time" if elapsed_s > self._limit_s else ""
+
+    def _unready(self) -> list[str]:
+        return unready(self.monitor, self.roster)
 
     def _answer(self, request: Mapping[str, Any]) -> Answer:
         """Carry out a request, or answer a question."""
@@ -274,7 +291,7 @@ class LabRun:
     def _lab_s(self) -> float | None:
         """Return lab time in seconds; None before it runs."""
         monitor = self.monitor
-        return monitor.now_s if monitor is not None and monitor.running(self.plan.lab.roster) else None
+        return monitor.now_s if monitor is not None and monitor.running(self.roster) else None
 
     def _report_exits(self) -> None:
         """Show an exit report of each process that has ended since the last poll; end the run unless it goes on."""
@@ -299,7 +316,8 @@ class LabRun:
             if self.outcome.fate(child.name) == STOPPED or not (by_hand or crashed):
                 word: Life = "stop" if self.outcome.fate(child.name) == STOPPED else "die"
                 self.outcome.note_lives(word, robots, self._lab_s())
-        may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
+        plan = self.plan
+        may_die = plan.options.keep_going or plan.lab.quorum != ALL or not plan.has_world
         asked = all(child.name in self.outcome.excused for child in news)
         if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
             self.outcome.reason = who_ended({name: self.outcome.fate(name) for name in self.outcome.ended})
@@ -314,16 +332,22 @@ class LabRun:
     def _can_go_on(self, *, asked: bool) -> bool:
         """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""
         may_lack = asked or self.outcome.ready_s is not None or self.plan.options.restart is not None
-        return may_lack and "world" not in self.outcome.ended and bool(self.lives.living())
+        return may_lack and "world" not in self.outcome.ended and self._anybody()
+
+    def _anybody(self) -> bool:
+        return bool(set(self.roster) - self.lives.lost().keys() - self._others().keys())
 
     def _draw(self, *, now: bool = False) -> None:
         # Period with which the robots' lines on the screen are redrawn.
         if not now and time.monotonic() < self._drawn + 0.2:
             return
         self._drawn = time.monotonic()
-        lines = [self.lives.line(robot, self.monitor) for robot in self.plan.lab.roster]
+        lines = [self._line(robot) for robot in self.roster]
         self._screen.show(self._lab_s(), lines)
         self.events.note_states((line.robot, line.state) for line in lines)
+
+    def _line(self, robot: int) -> RobotLine:
+        return self.lives.line(robot, self.monitor)
 
     # --- stop ----------------------------------------------------------------------------------------------
 
@@ -332,14 +356,16 @@ class LabRun:
         self.faults.resume(everything=True)
         monitor = self.monitor
         robots = list({child.name: child for child in self._robots.values()}.values())
-        if monitor is not None and not self._gone(self._world):  # without the router no message arrives
-            for robot in self.plan.lab.roster:
+        reaches = self._reaches_all()
+        if monitor is not None and reaches:
+            for robot in self.roster:
                 monitor.ask_to_stop(robot, self.outcome.reason)
-            await patiently(lambda: all(self._is_final(robot) for robot in self._robots), FINAL_S_MAX)
+            await patiently(lambda: all(self._is_final(robot) for robot in self.roster), FINAL_S_MAX)
             self._report_silent()
             await self._processes.left(robots, LEAVE_S_MAX)
-        await self._end(robots, asked=not self._gone(self._world))
-        assert self._world is not None
+        await self._end(robots, asked=reaches)
+        if self._world is None:
+            return
         if monitor is not None:
             monitor.ask_world_to_stop(self.outcome.reason)
             told = lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(self._world)  # noqa: E731
@@ -349,25 +375,25 @@ class LabRun:
 
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
         """End the processes that have not exited by themselves; report those that did not although `asked` to."""
-        late = [child.name for child in children if child.exit_code() is None]
-        stubborn = [child.name for child in await self._processes.stop(children)]
-        if late and asked and not self.outcome.hurried:
-            self._screen.say(f"{', '.join(late)} did not leave when asked and got SIGTERM")
-        if stubborn and not self.outcome.hurried:
-            self._screen.say(f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL")
+        for line in await end_processes(self._processes, children, asked=asked):
+            if not self.outcome.hurried:
+                self._screen.say(line)
+
+    def _reaches_all(self) -> bool:
+        """Whether messages arrive: not without the router, which is the world."""
+        return not self._gone(self._world)
 
     def _is_final(self, robot: int) -> bool:
         if self.monitor is not None and self.monitor.final(robot):
             return True
-        return self._gone(self._robots[robot]) and robot not in self.lives.returned
+        return robot in self._robots and self._gone(self._robots[robot]) and robot not in self.lives.returned
 
     def _report_silent(self) -> None:
         """Name the robots whose last status did not come: the report holds their status before it."""
-        silent = [robot for robot in self._robots if not self._is_final(robot)]
+        silent = [robot for robot in self.roster if not self._is_final(robot)]
         if silent and not self.outcome.hurried:
-            self._screen.say(
-                f"{names(silent)} did not tell the end within {FINAL_S_MAX:g} s: the report has what was told before"
-            )
+            late = f"{names(silent)} did not tell the end within {FINAL_S_MAX:g} s"
+            self._screen.say(f"{late}: the report has what was told before")
 
     @staticmethod
     def _gone(child: Child | None) -> bool:

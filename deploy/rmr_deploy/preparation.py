@@ -13,12 +13,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rmr.base.file_errors import naming
 from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
-from rmr.bus.certificates import KEYS_VARIABLE, CertificateError, read_certificate
+from rmr.bus.certificates import INDEX_FILE, KEYS_VARIABLE, CertificateError, read_certificate
+from rmr.bus.endpoint import is_loopback
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -27,8 +28,9 @@ from rmr.record.recording import PARTS_FOLDER
 from rmr.record.run_about import LAUNCHER_PROCESS, about_run
 from rmr.record.run_files import attach_files
 from rmr_deploy.active_runs import OPERATOR_KEYS
+from rmr_deploy.host_share import HostShare, ShareError, share_of
 from rmr_deploy.resolved_lab import write_lab
-from rmr_deploy.restarts import RestartPolicy
+from rmr_deploy.run_options import RunOptions
 from rmr_deploy.sign import signed
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab, ProgramLoad
@@ -52,48 +54,6 @@ class RunRefusedError(Exception):
         self.exit_code = exit_code
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
-    """The options of `rmr up`; None where the lab decides."""
-
-    lab: Path
-    """A lab file or its folder."""
-    robots: int | None = None
-    """How many of the lab's robots, from the first."""
-    seed: int | None = None
-    actions: Path | None = None
-    """A file with the handlers of the program's own actions, instead of the lab's."""
-    as_json: bool = False
-    strict: bool = False
-    folder: Path | None = None
-    """The run folder."""
-    timeout_s: float | None = None
-    """Wall time of the run at most."""
-    processes: int | None = None
-    """Over how many processes the robots are spread, neighbours in the roster together; None: each has its own."""
-    record: Path | None = None
-    """The recording, in place of `run.mcap` in the run folder."""
-    no_record: bool = False
-    durable: bool = False
-    """Whether robots keep their state over a restart."""
-    keep_going: bool = False
-    """Whether the others go on when a robot has died."""
-    restart: RestartPolicy | None = None
-    """When a robot that has failed is started again."""
-    view: bool = False
-    """Whether the run has a page, even where standard output is no terminal."""
-    no_view: bool = False
-    """Whether the run has no page."""
-    port: int | None = None
-    """The page's port; None: a free one."""
-    control: bool = False
-    """Whether the page may add faults."""
-    keys: Path | None = None
-    """The folder of the CA that has issued the keys of the processes; None where they have a secret."""
-    watch: bool = False
-    """Whether the program is compiled and loaded when its source is saved."""
-
-
 STATES_FOLDER: Final = "state"
 """Folder in the run folder with a folder for the state of each robot, where these are durable."""
 
@@ -111,6 +71,25 @@ class RunPlan:
     """The run folder: report.json, logs/, the compiled program."""
     loads: tuple[tuple[ProgramLoad, LoadedProgram], ...] = ()
     """The programs that robots get while they run."""
+    share: HostShare | None = None
+    """What this host does for a lab over several; None: it does all."""
+
+    @property
+    def robots(self) -> tuple[int, ...]:
+        """The robots whose processes are started here."""
+        return self.lab.roster if self.share is None else self.share.here.robots
+
+    @property
+    def has_world(self) -> bool:
+        """Whether the world is started here, and with it the end of the run is decided."""
+        return self.share is None or self.share.has_world
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the record of the run's processes says of its lab."""
+        lab = self.lab
+        about = {"name": lab.name, "file": str(lab.path.resolve()), "robots": len(lab.robots), "seed": lab.seed}
+        return about | {"roster": list(lab.roster)}
 
     @property
     def byte_code(self) -> Path:
@@ -122,8 +101,15 @@ class RunPlan:
         """The file with the secret of the run's bus, or the launcher's keys: there until the run is over."""
         return self.folder / (SECRET_FILE if self.options.keys is None else OPERATOR_KEYS)
 
+    @property
+    def credentials(self) -> Path | None:
+        """`secret`, or None where everybody is let in."""
+        return None if self.share is not None and self.share.opened else self.secret
+
     def admission(self, process: str) -> list[str]:
         """Return the words of the command of `process` by which it is let in."""
+        if self.credentials is None:
+            return []
         if self.options.keys is None:
             return ["--secret", str(self.secret)]
         return ["--keys", str((self.secret.parent / process).absolute())]
@@ -154,7 +140,7 @@ class RunPlan:
     @property
     def process_robots(self) -> list[tuple[int, ...]]:
         """The robots of each process, in the order of the roster."""
-        roster = self.lab.roster
+        roster = self.robots
         count = min(self.options.processes or len(roster), len(roster))
         return [roster[i * len(roster) // count : (i + 1) * len(roster) // count] for i in range(count)]
 
@@ -172,15 +158,19 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
     if options.seed is not None:
         lab = replace(lab, seed=options.seed)
     options = replace(options, keys=_keys(lab, options))
+    try:
+        share = share_of(lab, options)
+    except ShareError as error:
+        raise RunRefusedError(str(error), error.exit_code) from error
     program = read_program(lab, color=color)
     try:
         options = replace(options, actions=options.actions or lab.actions)
         load_handlers(program.program, options.actions)
-        loads = later_programs(lab, durable=options.durable)
+        loads = later_programs(lab, durable=options.durable) if share is None or share.has_world else ()
     except ProgramError as error:
         raise RunRefusedError(str(error), ExitCode.INVALID) from error
     try:
-        plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder), loads)
+        plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder), loads, share)
     except RunFolderError as error:
         raise RunRefusedError(str(error), ExitCode.USAGE) from error
     try:
@@ -206,6 +196,8 @@ def _begin_recording(plan: RunPlan) -> None:
     if plan.options.record is not None:
         plan.options.record.open("ab").close()  # what cannot be written is told before the run
     file.parent.mkdir()
+    if not plan.has_world:
+        return  # a recording has it once, from the world's host
     lab = plan.lab
     writer = RecordWriter(file, about_run(lab.name, "processes", lab.seed, lab.roster, LAUNCHER_PROCESS))
     attach_files(writer, lab.arena, plan.program.octets, lab.path, lab.program, plan.options.actions)
@@ -222,6 +214,11 @@ def _keep_private(plan: RunPlan) -> None:
     if plan.options.keys is not None:
         _hand_out_keys(plan, plan.options.keys)
         return
+    if plan.credentials is None:
+        return
+    if plan.options.secret is not None:
+        _take_secret(plan, plan.options.secret)
+        return
     make_secret(plan.secret)
     try:
         read_secret(plan.secret)
@@ -229,6 +226,23 @@ def _keep_private(plan: RunPlan) -> None:
         plan.secret.unlink()
         message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
         raise RunRefusedError(message, ExitCode.USAGE) from error
+
+
+def _take_secret(plan: RunPlan, file: Path) -> None:
+    """Copy the secret that all hosts share into the run folder; that of the world's host is made if need be.
+
+    Raises RunRefusedError, OSError.
+    """
+    try:
+        if plan.has_world and not file.exists():
+            make_secret(file)
+            print(f"made a new secret: {file}; copy it to the other hosts", file=sys.stderr)
+        secret = read_secret(file)
+        make_secret(plan.secret)
+        plan.secret.write_text(f"{secret.user}:{secret.password}\n")
+    except SecretError as error:
+        plan.secret.unlink(missing_ok=True)
+        raise RunRefusedError(str(error), ExitCode.INVALID) from error
 
 
 def _signed(plan: RunPlan) -> RunPlan:
@@ -255,6 +269,7 @@ def _keys(lab: Lab, options: RunOptions) -> Path | None:
     told = os.environ.get(KEYS_VARIABLE)
     if options.keys is None and not told:
         message = f"lab {lab.name} has `security: mtls`: name the folder of its CA (rmr keys init) with --keys"
+        message += ", or of this host's keys" if options.here is not None else ""
         raise RunRefusedError(message, ExitCode.INVALID)
     return options.keys or Path(told or "")
 
@@ -265,8 +280,12 @@ def _hand_out_keys(plan: RunPlan, ca: Path) -> None:
 
     folder = plan.secret.parent
     try:
+        if plan.share is not None and not (ca / INDEX_FILE).exists():
+            _copy_keys(plan, ca)
+            return
         authority = Authority(ca)
-        names = {"world": authority.good("world"), plan.secret.name: authority.good("operator")}
+        names = {plan.secret.name: authority.good("operator")}
+        names |= {"world": authority.good("world")} if plan.has_world else {}
         names |= {f"robots-{spelled(ids)}": authority.good("robot", ids) for ids in plan.process_robots}
         folder.mkdir(0o700)
         for name, who in names.items():
@@ -275,6 +294,22 @@ def _hand_out_keys(plan: RunPlan, ca: Path) -> None:
     except CertificateError as error:
         plan.forget_secret()
         raise RunRefusedError(str(error), ExitCode.INVALID) from None
+
+
+def _copy_keys(plan: RunPlan, given: Path) -> None:
+    """Copy the bundles in `given` into the run folder: a host needs no CA. Raises CertificateError, OSError."""
+    folder = plan.secret.parent
+    folder.mkdir(0o700)
+    wanted: list[tuple[str, str, tuple[int, ...]]] = [("operator", "operator", ())]
+    wanted += [("world", "world", ())] if plan.has_world else []
+    wanted += [(f"robot-{spelled(ids)}", f"robots-{spelled(ids)}", ids) for ids in plan.process_robots]
+    for source, name, robots in wanted:
+        if not (given / source).is_dir():
+            who = f"robot/{spelled(robots)}" if robots else "operator/NAME" if source == "operator" else source
+            get = f"rmr keys bundle CA {who} -o {source}"
+            raise CertificateError(f"{given / source}: no such folder; where the CA is: {get}; then copy it here")
+        read_certificate(given / source).check_role(source.partition("-")[0], robots=robots)
+        shutil.copytree(given / source, folder / name)
 
 
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
@@ -305,10 +340,19 @@ def free_port() -> int:
         return port
 
 
+def endpoint_of(plan: RunPlan) -> str:
+    """Return where the processes of a run find its world: a new endpoint of loopback, or that of the hosts."""
+    if plan.share is not None:
+        return plan.share.connect
+    return f"{'tcp' if plan.options.keys is None else 'tls'}/127.0.0.1:{free_port()}"
+
+
 def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     """Return the command that starts the world."""
     lab = plan.lab
-    options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
+    listen = endpoint if plan.share is None else plan.share.listen
+    opened = ["--open"] if plan.credentials is None and not is_loopback(listen) else []
+    options = ["--listen", listen, *opened, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
     return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.admission("world")]
 
 

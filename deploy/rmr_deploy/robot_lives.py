@@ -55,7 +55,8 @@ class RobotLives:
         return {name: self._outcome.fate(name) for name in sorted(self._outcome.ended) if name not in lost}
 
     def _is_there(self, robot: int) -> bool:
-        return self.children[robot].name not in self._outcome.ended or robot in self.returned
+        child = self.children.get(robot)  # none before the processes of its host are started
+        return child is None or child.name not in self._outcome.ended or robot in self.returned
 
     def _fate(self, robot: int) -> Fate:
         return self._outcome.fate(self.children[robot].name)
@@ -106,7 +107,7 @@ def told_status(
         "ready_s": ready_s,
         "time_s": round(monitor.now_s, 3) if monitor is not None and running else None,
         "processes": [_process(child, child.name in paused) for child in children],
-        "robots": [_robot(robot, lives, monitor) for robot in plan.lab.roster],
+        "robots": [_robot(robot, lives, monitor) for robot in plan.robots if robot in lives.children],
     }
 
 
@@ -124,7 +125,7 @@ def _process(child: Child, is_paused: bool) -> dict[str, Any]:
 
 def _robot(robot: int, lives: RobotLives, monitor: StatusMonitor | None) -> dict[str, Any]:
     child = lives.children[robot]
-    _, state, progress = lives.line(robot, monitor)
+    _, state, progress, _ = lives.line(robot, monitor)
     if lives.lives(robot) and child.exit_code() is not None and (monitor is None or robot not in monitor.present):
         state, progress = "restarting", ""  # and nobody has started it by hand
     number = child.name.partition(".")[2]

@@ -12,7 +12,7 @@ from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.preparation import RunPlan
-from rmr_deploy.process_group import ProcessGroup, said
+from rmr_deploy.process_group import Child, ProcessGroup, said
 from rmr_deploy.run_requests import end_requests
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.lab import Lab
@@ -44,11 +44,19 @@ async def patiently(claim: Callable[[], bool], limit_s: float) -> None:
         await asyncio.sleep(POLL_S)
 
 
-def unready(monitor: StatusMonitor | None, lab: Lab) -> list[str]:
+async def end_processes(processes: ProcessGroup, children: Sequence[Child], *, asked: bool) -> list[str]:
+    """End those of `children` that have not exited; return who did not although `asked` to, in sentences."""
+    late = [child.name for child in children if child.exit_code() is None]
+    stubborn = [child.name for child in await processes.stop(children)]
+    told = [f"{', '.join(late)} did not leave when asked and got SIGTERM"] if late and asked else []
+    return [*told, *([f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL"] if stubborn else [])]
+
+
+def unready(monitor: StatusMonitor | None, roster: Sequence[int]) -> list[str]:
     """Return who keeps a run from beginning."""
     if monitor is None:
         return ["the world does not answer"]
-    return [f"robot {robot}" for robot in lab.roster if not monitor.ready((robot,))]
+    return [f"robot {robot}" for robot in roster if not monitor.ready((robot,))]
 
 
 def who_finished(lab: Lab, holding: Sequence[int], absent: Mapping[int, Fate], *, met: bool) -> str:

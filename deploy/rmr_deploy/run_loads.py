@@ -39,7 +39,7 @@ class LabLoads:
     def __init__(self, plan: RunPlan, endpoint: str, events: EventLog, say: Callable[[str], None]) -> None:
         """`say` tells a person what became of a load."""
         self._plan = plan
-        self._place = WorldAddress(endpoint, plan.secret)
+        self._place = WorldAddress(endpoint, plan.credentials)
         self._events = events
         self._say = say
         self.entries: list[dict[str, Any]] = []
@@ -122,7 +122,7 @@ class ProgramWatch:
 
     def __init__(self, plan: RunPlan, endpoint: str, say: Callable[[str], None]) -> None:
         self._plan = plan
-        self._place = WorldAddress(endpoint, plan.secret)
+        self._place = WorldAddress(endpoint, plan.credentials)
         self._say = say
         self._seen = stamps_of(plan.lab.program)
         self._running = plan.program.digest

@@ -15,6 +15,16 @@ Life = Literal["stop", "die", "restart"]
 """A robot's process was stopped in order, died without an order, or was started again by policy or by hand."""
 
 
+@dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """What other hosts of a lab have of a run."""
+
+    report: str = ""
+    """Where the report is, in words; empty where this host has not taken part."""
+    folders: dict[str, list[str]] = field(default_factory=dict)
+    """Run folders by host, as they told."""
+
+
 @dataclass(slots=True)
 class RunOutcome:
     """What came of a run."""
@@ -46,6 +56,8 @@ class RunOutcome:
     """Ends and starts of robots' processes that are no faults on request: see `note_lives`."""
     loads: list[dict[str, Any]] = field(default_factory=list)
     """What became of the loads of the lab file that have begun, as entries of the report."""
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)
+    """What the other hosts of the lab have, if there are others."""
     report_error: str | None = None
     """Why the report could not be written."""
     recording: list[str] = field(default_factory=list)

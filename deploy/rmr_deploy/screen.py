@@ -38,6 +38,8 @@ class RobotLine(NamedTuple):
     """``starting``, a state of `rmr.bus.wire.STATES`, or a fate of `rmr_world.quorum`."""
     progress: str
     """For people: one short line."""
+    host: str = ""
+    """Where its process is, in a lab over several hosts."""
 
 
 class Screen(Protocol):
@@ -105,7 +107,8 @@ class PlainScreen:
             if self._shown.get(line.robot) != news:
                 self._shown[line.robot] = news
                 when = "" if lab_s is None else f"{lab_s:7.1f} s  "
-                self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
+                on = f" on {line.host}" if line.host else ""
+                self.say(f"{when}robot {line.robot}{on}  {line.state}  {line.progress}".rstrip())
 
     def say(self, message: str) -> None:
         """Write `message`; an output that cannot be written is ignored."""
@@ -123,7 +126,8 @@ def _head(lab_s: float | None, lines: Sequence[RobotLine]) -> Text:
 
 
 def _drawn(line: RobotLine) -> Text:
-    text = Text(f"robot {line.robot:<4}", no_wrap=True, overflow="ellipsis")
+    on = f"on {line.host:<4} " if line.host else ""
+    text = Text(f"robot {line.robot:<4}{on}", no_wrap=True, overflow="ellipsis")
     return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
 
 

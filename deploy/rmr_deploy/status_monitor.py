@@ -18,7 +18,7 @@ import asyncio
 import math
 import time
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -71,7 +71,7 @@ class StatusMonitor:
     """The newest status of each process of a lab."""
 
     def __init__(self, bus: Bus, lab: str) -> None:
-        self._bus = bus
+        self.bus = bus
         self._keys = Keys(lab)
         self.robots: dict[int, wire.Status] = {}
         """The newest status of each robot's present incarnation."""
@@ -100,12 +100,15 @@ class StatusMonitor:
         bus.watch_alive(self._keys.world_alive, self._world_alive)
 
     @classmethod
-    async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":
+    async def of(
+        cls, lab: str, endpoint: str, secret: Path | None, waiting: Callable[[], None] = lambda: None
+    ) -> "StatusMonitor":
         """Return the monitor of `lab` as soon as its router answers at `endpoint`; `secret` is a file, or a folder.
 
-        Raises SecretError, CertificateError, and NotAdmittedError when the router refuses the session.
+        `waiting` is called after each attempt without an answer. Raises SecretError, CertificateError, and
+        NotAdmittedError when the router refuses the session.
         """
-        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None, read_credentials(secret)), lab)
+        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, waiting, read_credentials(secret)), lab)
 
     def _status(self, _key: str, message: wire.Envelope) -> None:
         if not isinstance(message.body, wire.Status):
@@ -150,11 +153,11 @@ class StatusMonitor:
         """Take a robot whose token has vanished for absent, unless the connection is gone or back just now."""
         if robot not in self._vanished:
             return
-        if self._bus.connected and not was_cut:
+        if self.bus.connected and not was_cut:
             self._vanished.discard(robot)
             self.present.discard(robot)
         else:
-            asyncio.get_running_loop().call_later(RETURN_S, self._judge, robot, not self._bus.connected)
+            asyncio.get_running_loop().call_later(RETURN_S, self._judge, robot, not self.bus.connected)
 
     def _world_alive(self, _key: str, alive: bool) -> None:
         if not alive:
@@ -185,7 +188,7 @@ class StatusMonitor:
     @property
     def connected(self) -> bool:
         """Whether the router is there: without it every token vanishes, and nothing is known of any robot."""
-        return self._bus.connected
+        return self.bus.connected
 
     @property
     def now(self) -> Instant:
@@ -242,11 +245,11 @@ class StatusMonitor:
 
     def ask_to_stop(self, who: int | str, reason: str) -> None:
         """Ask a robot, or the world, for an orderly end."""
-        self._bus.publish(self._keys.stop(who), wire.Stop(reason))
+        self.bus.publish(self._keys.stop(who), wire.Stop(reason))
 
     def silence(self, robot: int, until: Instant) -> None:
         """Ask the world to let `robot` hear no beacon until then."""
-        self._bus.publish(self._keys.silence, wire.Silence(robot, until))
+        self.bus.publish(self._keys.silence, wire.Silence(robot, until))
 
     def ask_world_to_stop(self, reason: str) -> None:
         """Ask the world for an orderly end."""
@@ -254,4 +257,4 @@ class StatusMonitor:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._bus.close()
+        self.bus.close()

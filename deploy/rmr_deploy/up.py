@@ -20,6 +20,8 @@ Start LAB, a folder, its lab.yaml or a provided lab, as processes: a world and o
 Waits until all are ready, runs until every robot holds the lab's finish fact, prints a table and leaves a
 run folder with report.json and logs. Ctrl-C stops in order, twice at once. Other users of the machine can neither
 use the bus of the run, which has a secret (the file secret in the run folder), nor read the folder.
+
+With --here HOST it starts what the hosts file gives to this host; the same command on each host makes one lab.
 """
 
 
@@ -33,10 +35,17 @@ DEMO_LAB = "corridor"
 
 
 def _declare(parser: "Parser") -> None:
+    from rmr.entry.command_line import real
     from rmr_world.provided_labs import existing_lab
 
     parser.positional("lab", "LAB", read=existing_lab)
     _declare_options(parser)
+    limit = "Seconds to wait for the other hosts (default: 300)."
+    parser.option("--here", metavar="HOST", help="The share of this host alone, of a lab over several.")
+    parser.option("--hosts", metavar="FILE", read=Path, help="Which host has what (default: `hosts` of the lab file).")
+    parser.option("--secret", metavar="FILE", read=Path, help="With --here: the secret that all hosts share.")
+    parser.flag("--open", dest="opened", help="With --here: without a secret; whoever reaches it can drive the robots.")
+    parser.option("--wait-hosts", dest="wait_s", metavar="SECONDS", read=real(0, above=True), help=limit)
 
 
 def _declare_options(parser: "Parser") -> None:
@@ -89,7 +98,7 @@ def _up(**options: Any) -> int:
     if background is None and (detach or wait):
         return start_detached(wait=wait, as_json=options["as_json"])
     from rmr_deploy.lab_run import perform
-    from rmr_deploy.preparation import RunOptions
+    from rmr_deploy.run_options import RunOptions
 
     return perform(RunOptions(**options), background)
 

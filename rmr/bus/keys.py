@@ -11,6 +11,7 @@
     rmr/{lab}/truth               world: ground truth of all poses, for operators
     rmr/{lab}/ops/{who}/status    status of a robot or the world
     rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
+    rmr/{lab}/hosts/{host}        launchers among each other: how the robots of a host are, and what runs there
     rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments
     rmr/{lab}/load/operator/{id}  robot -> operator: the answers
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
@@ -113,6 +114,10 @@ class Keys:
     def stop(self, who: int | str) -> str:
         """Return the key of requests to a robot or the world to stop."""
         return f"rmr/{self.lab}/ops/{who}/stop"
+
+    def host(self, host: str) -> str:
+        """Return the key of what the launcher of a host (``*``: any) tells the others."""
+        return f"rmr/{self.lab}/hosts/{host}"
 
     def load(self, robot: int) -> str:
         """Return the key of what a robot is told about new programs."""

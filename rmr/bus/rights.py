@@ -37,8 +37,8 @@ RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     # It speaks for the processes of its host, whose rights it holds itself.
     "router": dict.fromkeys(("puts", "hears", "asks", "serves", "lives", "watches"), ("**",)),
     "operator": {
-        "puts": ("silence", "ops/*/stop", "load/*", "echo/operator/0/*"),
-        "hears": ("truth", "ops/*/status", "load/operator/*", "echo/operator/0/*"),
+        "puts": ("silence", "ops/*/stop", "hosts/*", "load/*", "echo/operator/0/*"),
+        "hears": ("truth", "ops/*/status", "hosts/*", "load/operator/*", "echo/operator/0/*"),
         "asks": ("disturbances",),
         "watches": ("alive/robot/*", "alive/world/0"),
     },

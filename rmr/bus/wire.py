@@ -77,6 +77,12 @@ ended in order; ended by an error."""
 CLOCK_STATES: Final = ("waiting", "running", "stopped")
 """Lab time stands at 0 before the start; runs; stands at the end."""
 
+LAUNCHER_STATES: Final = ("waiting", "running", "over", "left")
+"""Its robots are not ready yet; they are; the whole run is over; this host has left it."""
+
+ENDS: Final = ("died", "stopped")
+"""How a robot's process ended."""
+
 WISHES: Final = ("list", "add", "clear")
 """About disturbances: only tell; add one; end all that have been added."""
 
@@ -273,6 +279,26 @@ class Silence(NamedTuple):
     until: Instant
 
 
+class Launcher(NamedTuple):
+    """What the launcher of one host of a lab tells those of the other hosts."""
+
+    host: str
+    state: str
+    """One of `LAUNCHER_STATES`."""
+    shares: tuple[tuple[str, tuple[int, ...]], ...]
+    """Each host of the lab and its robots, as this launcher has read them."""
+    made_of: tuple[tuple[str, str], ...]
+    """What has to be the same on all hosts: a name for people, and its version or digest."""
+    gone: tuple[tuple[int, str], ...]
+    """Robots of this host that are not there and will not be, and what became of them: one of `ENDS`."""
+    folder: str
+    """For people: its run folder."""
+    finished: bool
+    """The run is over and has finished."""
+    reason: str
+    """For people: why it is over, or this launcher has left."""
+
+
 # --- the table ------------------------------------------------------------------------------------------
 
 
@@ -316,6 +342,7 @@ Message = (
     | LoadOrder
     | LoadOutcome
     | Silence
+    | Launcher
 )
 
 
@@ -363,6 +390,16 @@ _LAB: Final = (
     _HELD,
     optional(instant),
 )
+_LAUNCHER: Final = (
+    lab_name,
+    one_of(LAUNCHER_STATES),
+    each(group(lab_name, each(robot, ROBOTS_MAX)), ROBOTS_MAX),
+    each(group(people, people), ROBOTS_MAX),
+    each(group(robot, one_of(ENDS)), ROBOTS_MAX),
+    people,
+    flag,
+    people,
+)
 _BODY: Final = group(robot, place, place, quantity, length)
 
 TABLE: Final = (
@@ -384,6 +421,7 @@ TABLE: Final = (
     Row(16, LoadOrder, (octets(PART_OCTETS_MAX), each(robot, ROBOTS_MAX), flag, flag)),
     Row(17, LoadOutcome, (octets(MESSAGE_OCTETS_MAX), people)),
     Row(18, Silence, (robot, instant)),
+    Row(19, Launcher, _LAUNCHER),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

@@ -196,6 +196,17 @@ MESSAGES = {
     ),
     wire.Stop: st.builds(wire.Stop, lines),
     wire.Silence: st.builds(wire.Silence, robots, instants),
+    wire.Launcher: st.builds(
+        wire.Launcher,
+        labs,
+        st.sampled_from(wire.LAUNCHER_STATES),
+        st.lists(st.tuples(labs, st.lists(robots, max_size=3).map(tuple)), max_size=3).map(tuple),
+        st.lists(st.tuples(lines, lines), max_size=3).map(tuple),
+        st.lists(st.tuples(robots, st.sampled_from(wire.ENDS)), max_size=3).map(tuple),
+        lines,
+        st.booleans(),
+        lines,
+    ),
     wire.AskDisturbances: st.builds(wire.AskDisturbances, st.sampled_from(wire.WISHES), st.none() | disturbances),
     wire.Disturbances: st.builds(
         wire.Disturbances, labs, instants, st.lists(disturbances, **lists).map(tuple), counts, lines

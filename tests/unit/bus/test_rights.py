@@ -49,7 +49,7 @@ KEYS = (
         "map/1",
         "map/2",
     ),
-    *("disturbances", "silence", "truth", "ops/1/status", "ops/2/status", "ops/world/status", "ops/1/stop"),
+    *("disturbances", "silence", "hosts/a", "truth", "ops/1/status", "ops/2/status", "ops/world/status", "ops/1/stop"),
     *(
         "ops/2/stop",
         "ops/world/stop",
@@ -79,7 +79,16 @@ USED = [
             _OF.map(1),
             _OF.disturbances,
         ),
-        *(_OF.silence, _OF.truth, _OF.status(1), _OF.status(WORLD), _OF.statuses, _OF.stop(1), _OF.stop(WORLD)),
+        *(
+            _OF.silence,
+            _OF.host("a"),
+            _OF.truth,
+            _OF.status(1),
+            _OF.status(WORLD),
+            _OF.statuses,
+            _OF.stop(1),
+            _OF.stop(WORLD),
+        ),
         *(_OF.load(1), _OF.answers(1), _OF.alive(ROBOT_ROLE, 1), _OF.alive(ROBOT_ROLE, "*"), _OF.world_alive),
         *(_OF.echo(role, 1 if role == "robot" else 0, "x") for role in ROLES if role != "router"),
     )

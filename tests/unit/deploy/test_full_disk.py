@@ -25,7 +25,8 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 """
 PLAN = """
-from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
+from rmr_deploy.preparation import RunRefusedError, make_plan
+from rmr_deploy.run_options import RunOptions
 try:
     make_plan(RunOptions(lab=Path(sys.argv[2]), folder=Path(sys.argv[3])), color=False)
 except RunRefusedError as error:

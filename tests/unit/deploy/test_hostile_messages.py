@@ -37,7 +37,8 @@ from rmr_agent.robot import HostedRobot
 from rmr_agent.robot_setup import RobotSetup
 from rmr_deploy import disturb
 from rmr_deploy.lab_run import make_report
-from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import printable, table
 from rmr_deploy.status_monitor import StatusMonitor
@@ -128,6 +129,7 @@ MESSAGES = [
     wire.LoadOrder(b"no program", (1, 2), False, True),
     wire.LoadOutcome(b"{}", ""),
     wire.Silence(1, NS_PER_S),
+    wire.Launcher("b", "running", (("a", ()), ("b", (1, 2))), (("rmr", "1"),), ((2, "died"),), "runs/x", False, ""),
 ]
 
 

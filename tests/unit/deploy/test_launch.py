@@ -15,8 +15,9 @@ import rmr_deploy.launch as launching
 from rmr.bus.secret import make_secret
 from rmr_deploy.lab_run import exit_code, make_report
 from rmr_deploy.launch import LabRun
-from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.preparation import RunPlan
 from rmr_deploy.restarts import RestartPolicy
+from rmr_deploy.run_options import RunOptions
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 

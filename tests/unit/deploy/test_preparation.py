@@ -14,7 +14,8 @@ from rmr.bus.signing import read_trust
 from rmr.entry import ExitCode
 from rmr_agent.bytecode import load_program
 from rmr_deploy import preparation
-from rmr_deploy.preparation import RunOptions, RunRefusedError, agent_command, make_plan, world_command
+from rmr_deploy.preparation import RunRefusedError, agent_command, make_plan, world_command
+from rmr_deploy.run_options import RunOptions
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 

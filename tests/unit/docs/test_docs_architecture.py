@@ -83,6 +83,7 @@ def bus_keys():
         keys.truth,
         keys.status("WHO"),
         keys.stop("WHO"),
+        keys.host("HOST"),
         keys.load("ID"),
         keys.answers("ID"),
         keys.alive("ROLE", "ID"),

@@ -20,7 +20,8 @@ from rmr_deploy import launch
 from rmr_deploy.disturb import record
 from rmr_deploy.fault import command as fault
 from rmr_deploy.lab_run import make_report
-from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.up import command
 from rmr_lab.commands import check, new

@@ -1,0 +1,252 @@
+"""The run of a lab over several hosts, as the launcher of one of them sees it.
+
+It is that of one machine with another list of processes. The launcher of the world's host starts the world, which
+listens for all, waits for the robots of the other hosts, and alone decides when the run is over. The others wait for
+it, compare their lab with its (`host_company`), start their robots and end with the run. One that is interrupted stops
+its own robots; the run goes on without them.
+"""
+
+import asyncio
+import shlex
+from collections.abc import Mapping
+from typing import Any
+
+from rmr.bus.admission import why_no_session
+from rmr.bus.listening import SAY_AGAIN_S
+from rmr.bus.process import Throttle
+from rmr.record.recording import PARTS_FOLDER
+from rmr_deploy.host_company import GONE_S, SILENT_S, HostCompany
+from rmr_deploy.host_share import HostShare
+from rmr_deploy.launch import LabRun
+from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_end import who_ended
+from rmr_deploy.run_outcome import Elsewhere, RunOutcome
+from rmr_deploy.run_requests import Answer
+from rmr_deploy.screen import RobotLine, Screen
+from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world.quorum import ALL, DIED, Fate, absence
+
+LAST_WORD_S = 0.1
+"""Time for the last message of a launcher to be sent before its session is closed."""
+
+
+class HostRun(LabRun):
+    """The share of one host in a run in progress."""
+
+    def __init__(self, plan: RunPlan, share: HostShare, screen: Screen) -> None:
+        super().__init__(plan, screen)
+        self.company: HostCompany | None = None
+        self._share = share
+        self._said: dict[str, str] = {}
+        """What was said last about each topic."""
+        self._noted: dict[int, Fate] = {}
+        """Robots of other hosts whose end was said."""
+        self.waiting = Throttle(self._say_waiting, SAY_AGAIN_S)
+        if not share.has_world:  # the world's host ends the run
+            self._limit_s = plan.options.timeout_s or float("inf")
+
+    def _say_waiting(self) -> None:
+        if self._share.has_world:  # its own world is about to listen
+            return
+        where = f"{self._endpoint}, on host {self._share.hub.name}"
+        self._say_once(
+            "hub", f"waiting for the world of lab {self.plan.lab.name} at {where}{why_no_session(self._endpoint)}"
+        )
+
+    def _say_once(self, topic: str, message: str) -> None:
+        """Say `message` unless it was the last one about `topic`."""
+        if self._said.get(topic, "") != message:
+            self._said[topic] = message
+            if message:
+                self._screen.say(message)
+
+    # --- start -----------------------------------------------------------------------------------------------
+
+    def _start(self) -> str:
+        if self._share.has_world:
+            return super()._start()
+        self._endpoint = self._share.connect
+        return self._record_processes()
+
+    async def _join(self, monitor: StatusMonitor) -> None:
+        self.company = company = HostCompany(self.plan, self._share, monitor.bus)
+        if self._share.has_world:
+            return
+        await self._until(lambda: bool(company.refusal()) or company.settled)
+        if self.outcome.reason:
+            return
+        if refusal := company.refusal():
+            self.outcome.reason = refusal
+            self.outcome.invalid = True
+            return
+        self._start_robots(threaded=True)
+        self._record_processes()
+        self._screen.say(f"host {self._share.here.name} takes part in lab {self.plan.lab.name}")
+
+    def _unready(self) -> list[str]:
+        if self.company is None or self.monitor is None:
+            return [f"no world of lab {self.plan.lab.name} answers at {self._endpoint}{why_no_session(self._endpoint)}"]
+        if not self._share.has_world and not self._robots:
+            return [f"no rmr up --here {self._share.hub.name} is heard at {self._endpoint}: start it, of the same rmr"]
+        missing = [f"host {host} is not there" for host in self.company.missing()]
+        return missing or super()._unready()
+
+    # --- watch -----------------------------------------------------------------------------------------------
+
+    def _check_processes(self) -> None:
+        if self.company is not None and self.monitor is not None:
+            if self._share.has_world or self._robots:
+                self.company.tell("waiting" if self.outcome.ready_s is None else "running", self.lives.lost())
+            if self._share.has_world:
+                self._watch_hosts(self.company, self.monitor)
+            else:
+                self._follow(self.company, self.monitor)
+        if not self.outcome.reason:
+            super()._check_processes()
+
+    def _watch_hosts(self, company: HostCompany, monitor: StatusMonitor) -> None:
+        """Say which hosts are missing; end the run if it cannot go on without a robot of another host."""
+        if self.outcome.ready_s is None:
+            missing = ", ".join(company.missing())
+            self._say_once("missing", f"waiting for host {missing}" if missing else "")
+        silent = ", ".join(company.silent())
+        self._say_once("silent", f"nothing is heard of host {silent}; its robots are waited for" if silent else "")
+        for host, reason in company.reasons().items():
+            self._say_once(f"left {host}", f"host {host} has left: {reason}")
+        lost = self._others()
+        for robot in self._noted.keys() - lost.keys():
+            del self._noted[robot]
+        news = {robot: fate for robot, fate in lost.items() if robot not in self._noted}
+        self._noted |= news
+        for robot, fate in news.items():
+            message = f"robot {robot} on host {self._share.host_of(robot)}: {fate}"
+            self._screen.say(message)
+            self.events.note("robot_state", message, robot=robot, state=fate)
+            if robot not in monitor.present:
+                monitor.retire(robot, fate)
+        died = {
+            f"robot {robot} on host {self._share.host_of(robot)}": fate for robot, fate in news.items() if fate == DIED
+        }
+        may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
+        if died and not may_die:
+            self.outcome.reason = who_ended(died)
+        elif news and not self._anybody():
+            self.outcome.reason = f"no robot is left: {absence(self.lives.lost() | lost)}"
+
+    def _follow(self, company: HostCompany, monitor: StatusMonitor) -> None:
+        """End with the run, or when its world is gone."""
+        hub = company.hub
+        silent_s = monitor.world_silent_s
+        where = f"the world of lab {self.plan.lab.name} at {self._endpoint}"
+        if hub is not None and hub.state == "over":
+            self.outcome.finished = hub.finished
+            self.outcome.reason = hub.reason
+        elif silent_s > GONE_S:
+            self.outcome.reason = f"no word of {where} for {silent_s:.0f} s"
+        else:
+            self._say_once("world", f"no word of {where}; waiting for it to return" if silent_s > SILENT_S else "")
+
+    def _finished(self) -> bool:
+        return super()._finished() if self._share.has_world else bool(self.outcome.reason)
+
+    def _others(self) -> dict[int, Fate]:
+        """Return what became of the robots of other hosts that are judged here."""
+        if self.company is None or not self._share.has_world:
+            return {}
+        return self.company.lost(started=self.outcome.ready_s is not None)
+
+    def _answer(self, request: Mapping[str, Any]) -> Answer:
+        answer = super()._answer(request)
+        if request.get("do") == "status" and isinstance(answer, dict):
+            others = [robot for robot in self.roster if robot not in self.plan.robots]
+            answer["processes"] += [self._process_elsewhere(robot) for robot in others]
+            answer["robots"] += [self._robot_elsewhere(robot) for robot in others]
+        return answer
+
+    def _process_elsewhere(self, robot: int) -> dict[str, Any]:
+        """Return the process of a robot of another host, as far as it is known, in the form of `told_status`."""
+        state = "ended" if robot in self._others() else "running"
+        name = f"{self._share.host_of(robot)}/robot-{robot}"
+        return {"name": name, "pid": None, "state": state, "exit_code": None, "up_s": None}
+
+    def _robot_elsewhere(self, robot: int) -> dict[str, Any]:
+        line = self._line(robot)
+        late = None if self.monitor is None else self.monitor.report(robot).get("ticks_late")
+        process = self._process_elsewhere(robot)["name"]
+        told = {"robot": robot, "process": process, "state": line.state, "progress": line.progress}
+        return {**told, "restarts": None, "ticks_late": late}
+
+    def _order(self, request: Mapping[str, Any]) -> str:
+        robot = request.get("robot")
+        if robot in self.plan.lab.roster and robot not in self._robots and request.get("do") != "outage":
+            return f"robot {robot} is on host {self._share.host_of(robot)}: run this command there"
+        return super()._order(request)
+
+    def _line(self, robot: int) -> RobotLine:
+        host = self._share.host_of(robot)
+        if robot in self._robots:
+            return self.lives.line(robot, self.monitor)._replace(host=host)
+        fate = self._others().get(robot)
+        if fate is not None:
+            return RobotLine(robot, fate, "", host)
+        return RobotLine(robot, *(("starting", "") if self.monitor is None else self.monitor.line(robot)), host)
+
+    def elsewhere(self) -> Elsewhere:
+        """Return what the other hosts have of the run."""
+        if self.company is None:
+            return Elsewhere()
+        hub = self.company.hub
+        if hub is None or not self._robots:
+            return Elsewhere(folders=self.company.folders)
+        told = "the report is" if hub.state == "over" else "the run goes on; its report will be"
+        return Elsewhere(f"{told} on host {hub.host}, in {hub.folder}", self.company.folders)
+
+    # --- stop ------------------------------------------------------------------------------------------------
+
+    async def _stop(self) -> None:
+        if self.company is not None and self._share.has_world:
+            outcome = self.outcome
+            self.company.tell("over", self.lives.lost(), finished=outcome.finished, reason=outcome.reason)
+        await super()._stop()
+        if self.company is not None and not self._share.has_world and not (self.company.is_twin and not self._robots):
+            self.company.tell("left", self.lives.lost(), reason=self.outcome.reason)
+            await asyncio.sleep(LAST_WORD_S)
+
+    def _reaches_all(self) -> bool:
+        if self._share.has_world:
+            return super()._reaches_all()
+        # One that was refused must not end the robots of the launcher that takes part in its name.
+        return bool(self._robots) and self.monitor is not None and self.monitor.connected
+
+    def _is_final(self, robot: int) -> bool:
+        if robot not in self._robots and (not self._share.has_world or robot in self._others()):
+            return True  # it was not started, or has gone
+        return super()._is_final(robot)
+
+
+# --- what is told at the end: of its own robots, and how the recordings become one
+
+
+def share_report(report: Mapping[str, Any], plan: RunPlan) -> dict[str, Any]:
+    """Return `report` of a run with the robots of this host alone."""
+    own = {str(robot) for robot in plan.robots}
+    robots = {name: part for name, part in report["robots"].items() if name in own}
+    jobs = [job for part in robots.values() for job in part["assertions"]]
+    met, missed = (sum(job["met"] is wanted for job in jobs) for wanted in (True, False))
+    absent = {key: [robot for robot in report[key] if str(robot) in own] for key in ("dead", "stopped", "never_came")}
+    # Others' hosts tell of the wheel commands and messages of their own robots.
+    bus = {key: [one for one in told if str(one[0]) in own] for key, told in report["bus"].items() if key != "lost"}
+    report = {**report, "bus": report["bus"] | bus}
+    return {**report, "robots": robots, "deadlines": {"met": met, "missed": missed, "best_possible": None}, **absent}
+
+
+def join_hint(plan: RunPlan, outcome: RunOutcome) -> str:
+    """Return the lines that say how the recordings of all hosts become one: each host has those of its own robots."""
+    folders = outcome.elsewhere.folders
+    found = [(host, folder) for host, each in sorted(folders.items()) for folder in each]
+    lines = [f"host {host} has its recordings in {folder}/{PARTS_FOLDER}" for host, folder in found]
+    if folders:
+        lines.append(f"copied to here, as {', '.join(sorted(folders))}, they become one recording by")
+    sources = [shlex.quote(str(plan.folder / PARTS_FOLDER)), *sorted(folders)]
+    target = shlex.quote(str(plan.folder / "joined"))
+    return "\n".join([*lines, f"    rmr record join {' '.join(f'{one}/*.mcap' for one in sources)} -o {target}"])
