@@ -5,9 +5,12 @@ run is over. The others compare their lab with its before they start a robot, an
 cut off is silent for a while and comes back; who is silent for `GONE_S` is taken for gone.
 """
 
+import asyncio
+import json
+import os
 import time
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
 
 from rmr.bus import wire
 from rmr.bus.keys import Keys
@@ -24,6 +27,9 @@ SILENT_S: Final = 5.0
 
 GONE_S: Final = 60.0
 """Silence of a host after which it is taken for gone: cables are back in less, and robots find their world again."""
+
+ANSWER_S: Final = 4.0
+"""Limit for the answer of another host to an order; a person's command waits for 5 s."""
 
 TEXT_MAX: Final = 400
 """Characters of a reason or a folder that are told."""
@@ -42,11 +48,17 @@ class _Heard(NamedTuple):
 class HostCompany:
     """The launchers of the hosts of one lab, as that of one host hears them."""
 
-    def __init__(self, plan: RunPlan, share: HostShare, bus: Bus) -> None:
-        """Raises OSError if a file that all hosts must have alike cannot be read."""
+    def __init__(
+        self, plan: RunPlan, share: HostShare, bus: Bus, perform: Callable[[Mapping[str, Any]], str | None]
+    ) -> None:
+        """`perform` carries out an order about an own robot and returns why it is refused; None: it has no such robot.
+
+        Raises OSError if a file that all hosts must have alike cannot be read."""
         self._plan = plan
         self._share = share
         self._bus = bus
+        self._perform = perform
+        self._asked: dict[int, asyncio.Future[str]] = {}
         self._keys = Keys(plan.lab.name)
         self._shares = {host.name: host.robots for host in share.hosts}
         self._made_of = made_of(plan.lab, plan.program.digest, plan.options.actions)
@@ -59,18 +71,54 @@ class HostCompany:
         """The run folders of the other hosts that were heard of."""
         bus.subscribe(self._keys.host("*"), self._hear)
 
+    # --- orders about robots of another host ---------------------------------------------------------------
+
+    def order(self, host: str, request: Mapping[str, Any]) -> "asyncio.Future[str]":
+        """Have the launcher of `host` carry out a request; return why it was refused, empty if it was not."""
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[str] = loop.create_future()
+        if not self._is_there(host):
+            answer.set_result(f"host {host} is not there")
+            return answer
+        token = int.from_bytes(os.urandom(6))
+        self._asked[token] = answer
+        order = wire.HostOrder(host, token, json.dumps(dict(request)).encode())
+        self._bus.publish(self._keys.host(host), order)
+        silence = f"host {host} does not answer: whether it was carried out is not known"
+        loop.call_later(ANSWER_S, self._answered, wire.HostAnswer(token, silence))
+        return answer
+
+    def _answered(self, said: wire.HostAnswer) -> None:
+        answer = self._asked.pop(said.token, None)
+        if answer is not None and not answer.done():
+            answer.set_result(said.refused)
+
+    def _carry_out(self, order: wire.HostOrder) -> None:
+        """Carry out an order about a robot that this launcher has started; that of others is not its own affair."""
+        try:
+            request = json.loads(order.request)
+        except (ValueError, RecursionError):
+            return
+        if order.host == self._share.here.name and isinstance(request, dict):
+            refused = self._perform(request)
+            if refused is not None:
+                self._bus.publish(self._keys.host(order.host), wire.HostAnswer(order.token, refused[:TEXT_MAX]))
+
     # --- what is told ----------------------------------------------------------------------------------------
 
     def tell(
-        self, state: str, gone: Mapping[int, Fate] | None = None, *, finished: bool = False, reason: str = ""
+        self, state: str, gone: Mapping[int, str] | None = None, *, finished: bool = False, reason: str = ""
     ) -> None:
-        """Tell how this host is, if that is news or was told `TELL_S` ago. `gone`: robots that will not be back."""
+        """Tell how this host is, if that is news or was told `TELL_S` ago.
+
+        `gone` are robots that are not there, each with one of `wire.ENDS`.
+        """
         news = wire.Launcher(
             self._share.here.name,
             state,
             tuple(self._shares.items()),
             self._made_of,
-            tuple((robot, fate) for robot, fate in (gone or {}).items() if fate in wire.ENDS),
+            tuple((gone or {}).items()),
             str(self._plan.folder.absolute())[:TEXT_MAX],
             finished,
             reason[:TEXT_MAX],
@@ -82,7 +130,13 @@ class HostCompany:
 
     def _hear(self, _key: str, message: wire.Envelope) -> None:
         said = message.body
-        if not isinstance(said, wire.Launcher) or message.sender != wire.OPERATOR_ID or said.host not in self._shares:
+        if message.sender != wire.OPERATOR_ID:
+            return
+        if isinstance(said, wire.HostOrder):
+            self._carry_out(said)
+        elif isinstance(said, wire.HostAnswer):
+            self._answered(said)
+        if not isinstance(said, wire.Launcher) or said.host not in self._shares:
             return
         if said.host == self._share.here.name:
             self._twin |= message.run != self._bus.run and said.state != "left"
@@ -156,8 +210,13 @@ class HostCompany:
                 if not started:
                     continue
                 lost |= dict.fromkeys(robots, STOPPED if heard.said.state == "left" else DIED)
-            lost |= {robot: DIED if end == DIED else STOPPED for robot, end in heard.said.gone if robot in robots}
+            lost |= {robot: STOPPED if end == STOPPED else DIED for robot, end in heard.said.gone if robot in robots}
         return lost
+
+    def killed(self) -> set[int]:
+        """Return the robots of other hosts that were killed by a person or a fault of the lab: the run goes on."""
+        said = [heard.said for heard in self._heard.values()]
+        return {robot for one in said for robot, end in one.gone if end == "killed"}
 
     def reasons(self) -> dict[str, str]:
         """Return the hosts that have left, and why."""

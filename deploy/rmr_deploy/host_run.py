@@ -69,7 +69,7 @@ class HostRun(LabRun):
         return self._record_processes()
 
     async def _join(self, monitor: StatusMonitor) -> None:
-        self.company = company = HostCompany(self.plan, self._share, monitor.bus)
+        self.company = company = HostCompany(self.plan, self._share, monitor.bus, self._asked)
         if self._share.has_world:
             return
         await self._until(lambda: bool(company.refusal()) or company.settled)
@@ -96,7 +96,7 @@ class HostRun(LabRun):
     def _check_processes(self) -> None:
         if self.company is not None and self.monitor is not None:
             if self._share.has_world or self._robots:
-                self.company.tell("waiting" if self.outcome.ready_s is None else "running", self.lives.lost())
+                self.company.tell("waiting" if self.outcome.ready_s is None else "running", self._gone_here())
             if self._share.has_world:
                 self._watch_hosts(self.company, self.monitor)
             else:
@@ -124,12 +124,10 @@ class HostRun(LabRun):
             self.events.note("robot_state", message, robot=robot, state=fate)
             if robot not in monitor.present:
                 monitor.retire(robot, fate)
-        died = {
-            f"robot {robot} on host {self._share.host_of(robot)}": fate for robot, fate in news.items() if fate == DIED
-        }
+        died = [robot for robot, fate in news.items() if fate == DIED and robot not in company.killed()]
         may_die = self.plan.options.keep_going or self.plan.lab.quorum != ALL
         if died and not may_die:
-            self.outcome.reason = who_ended(died)
+            self.outcome.reason = who_ended({f"robot {one} on host {self._share.host_of(one)}": DIED for one in died})
         elif news and not self._anybody():
             self.outcome.reason = f"no robot is left: {absence(self.lives.lost() | lost)}"
 
@@ -151,21 +149,33 @@ class HostRun(LabRun):
 
     def _others(self) -> dict[int, Fate]:
         """Return what became of the robots of other hosts that are judged here."""
-        if self.company is None or not self._share.has_world:
+        return self._gone_elsewhere() if self._share.has_world else {}
+
+    def _gone_elsewhere(self) -> dict[int, Fate]:
+        """Return what became of the robots of other hosts that are not there."""
+        if self.company is None:
             return {}
         return self.company.lost(started=self.outcome.ready_s is not None)
 
-    def _answer(self, request: Mapping[str, Any]) -> Answer:
+    def _answer(self, request: Mapping[str, Any]) -> "Answer | asyncio.Future[str]":
+        robot = request.get("robot")
+        is_order = request.get("do") not in ("facts", "outage")
+        if is_order and self.company is not None and type(robot) is int and robot in self._elsewhere:
+            return self.company.order(self._share.host_of(robot), request)
         answer = super()._answer(request)
         if request.get("do") == "status" and isinstance(answer, dict):
-            others = [robot for robot in self.roster if robot not in self.plan.robots]
-            answer["processes"] += [self._process_elsewhere(robot) for robot in others]
-            answer["robots"] += [self._robot_elsewhere(robot) for robot in others]
+            answer["processes"] += [self._process_elsewhere(robot) for robot in self._elsewhere]
+            answer["robots"] += [self._robot_elsewhere(robot) for robot in self._elsewhere]
         return answer
+
+    @property
+    def _elsewhere(self) -> list[int]:
+        """The robots of other hosts."""
+        return [robot for robot in self.plan.lab.roster if robot not in self.plan.robots]
 
     def _process_elsewhere(self, robot: int) -> dict[str, Any]:
         """Return the process of a robot of another host, as far as it is known, in the form of `told_status`."""
-        state = "ended" if robot in self._others() else "running"
+        state = "ended" if robot in self._gone_elsewhere() else "running"
         name = f"{self._share.host_of(robot)}/robot-{robot}"
         return {"name": name, "pid": None, "state": state, "exit_code": None, "up_s": None}
 
@@ -176,17 +186,23 @@ class HostRun(LabRun):
         told = {"robot": robot, "process": process, "state": line.state, "progress": line.progress}
         return {**told, "restarts": None, "ticks_late": late}
 
-    def _order(self, request: Mapping[str, Any]) -> str:
-        robot = request.get("robot")
-        if robot in self.plan.lab.roster and robot not in self._robots and request.get("do") != "outage":
-            return f"robot {robot} is on host {self._share.host_of(robot)}: run this command there"
-        return super()._order(request)
+    def _asked(self, request: Mapping[str, Any]) -> str | None:
+        """Carry out what another launcher was asked; None if the robot is not of this one."""
+        return self._order(request) if request.get("robot") in self._robots else None
+
+    def _gone_here(self) -> dict[int, str]:
+        """Return what became of the own robots that are not there and will not be, in the words of `wire.ENDS`."""
+        excused = self.outcome.excused
+        gone = self.lives.lost()
+        return {
+            one: "killed" if end == DIED and self._robots[one].name in excused else end for one, end in gone.items()
+        }
 
     def _line(self, robot: int) -> RobotLine:
         host = self._share.host_of(robot)
         if robot in self._robots:
             return self.lives.line(robot, self.monitor)._replace(host=host)
-        fate = self._others().get(robot)
+        fate = self._gone_elsewhere().get(robot)
         if fate is not None:
             return RobotLine(robot, fate, "", host)
         return RobotLine(robot, *(("starting", "") if self.monitor is None else self.monitor.line(robot)), host)
@@ -206,10 +222,10 @@ class HostRun(LabRun):
     async def _stop(self) -> None:
         if self.company is not None and self._share.has_world:
             outcome = self.outcome
-            self.company.tell("over", self.lives.lost(), finished=outcome.finished, reason=outcome.reason)
+            self.company.tell("over", self._gone_here(), finished=outcome.finished, reason=outcome.reason)
         await super()._stop()
         if self.company is not None and not self._share.has_world and not (self.company.is_twin and not self._robots):
-            self.company.tell("left", self.lives.lost(), reason=self.outcome.reason)
+            self.company.tell("left", self._gone_here(), reason=self.outcome.reason)
             await asyncio.sleep(LAST_WORD_S)
 
     def _reaches_all(self) -> bool:

@@ -264,7 +264,7 @@ class LabRun:
     def _unready(self) -> list[str]:
         return unready(self.monitor, self.roster)
 
-    def _answer(self, request: Mapping[str, Any]) -> Answer:
+    def _answer(self, request: Mapping[str, Any]) -> Answer | asyncio.Future[str]:
         """Carry out a request, or answer a question."""
         if request.get("do") == "status":
             children, paused, ready_s = self._processes.children, self.faults.paused, self.outcome.ready_s

@@ -19,9 +19,12 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rmr.base.file_errors import disk_of, naming
+
+if TYPE_CHECKING:
+    from asyncio import Future
 
 REQUESTS_FOLDER = "requests"
 ASK = ".ask"
@@ -140,16 +143,31 @@ def _answer(stem: Path) -> dict[str, Any] | UnwrittenError | None:
     return answer if isinstance(answer, dict) else {}
 
 
-def serve_requests(folder: Path, perform: Callable[[Mapping[str, Any]], Answer]) -> None:
-    """Answer the requests that wait in `folder`; `perform` carries one out."""
+def serve_requests(folder: Path, perform: "Callable[[Mapping[str, Any]], Answer | Future[str]]") -> None:
+    """Answer the requests that wait in `folder`; `perform` carries one out, or has it carried out elsewhere."""
     with suppress(OSError):
         for path in sorted((folder / REQUESTS_FOLDER).glob(f"*{ASK}")):
             _serve(path, perform)
 
 
-def _serve(path: Path, perform: Callable[[Mapping[str, Any]], Answer]) -> None:
+def _serve(path: Path, perform: "Callable[[Mapping[str, Any]], Answer | Future[str]]") -> None:
     taken = path.rename(path.with_suffix(TAKEN))
     answer = _performed(taken, perform)
+    if isinstance(answer, str | Mapping):
+        _write_answer(taken, answer)
+    else:
+        answer.add_done_callback(lambda told: _write_late(taken, told))
+
+
+def _write_late(taken: Path, told: "Future[str]") -> None:
+    """Write an answer that came from elsewhere; the run may be over, and its requests removed."""
+    if not told.cancelled() and taken.exists():
+        with suppress(OSError):
+            _write_answer(taken, told.result())
+
+
+def _write_answer(taken: Path, answer: Answer) -> None:
+    path = taken.with_suffix(ASK)
     draft = path.with_suffix(".out")
     try:
         draft.write_text(json.dumps({"refused": answer} if isinstance(answer, str) else {"told": answer}))
@@ -181,7 +199,7 @@ def end_requests(folder: Path) -> None:
         requests.rmdir()
 
 
-def _performed(path: Path, perform: Callable[[Mapping[str, Any]], Answer]) -> Answer:
+def _performed(path: Path, perform: "Callable[[Mapping[str, Any]], Answer | Future[str]]") -> "Answer | Future[str]":
     with path.open("rb") as file:
         octets = file.read(OCTETS_MAX)
     try:

@@ -65,6 +65,9 @@ PART_OCTETS_MAX: Final = 3 << 14
 WHOLE_OCTETS_MAX: Final = 1 << 25
 """The largest message in parts: a robot's part of the report with some 250,000 actions or facts."""
 
+REQUEST_OCTETS_MAX: Final = 4096
+"""The longest request of a person to a launcher."""
+
 PARTS_MAX: Final = WHOLE_OCTETS_MAX // PART_OCTETS_MAX + 1
 
 FACTS_MAX: Final = 100_000
@@ -80,8 +83,8 @@ CLOCK_STATES: Final = ("waiting", "running", "stopped")
 LAUNCHER_STATES: Final = ("waiting", "running", "over", "left")
 """Its robots are not ready yet; they are; the whole run is over; this host has left it."""
 
-ENDS: Final = ("died", "stopped")
-"""How a robot's process ended."""
+ENDS: Final = ("died", "killed", "stopped")
+"""How a robot's process ended: by itself, or by a person's order or a fault, or in order."""
 
 WISHES: Final = ("list", "add", "clear")
 """About disturbances: only tell; add one; end all that have been added."""
@@ -299,6 +302,24 @@ class Launcher(NamedTuple):
     """For people: why it is over, or this launcher has left."""
 
 
+class HostOrder(NamedTuple):
+    """Please carry out what a person asks of a robot of your host: from one launcher to another."""
+
+    host: str
+    token: int
+    """Names the order in its answer."""
+    request: bytes
+    """As a file with a request has it (`rmr_deploy.run_requests`)."""
+
+
+class HostAnswer(NamedTuple):
+    """What became of such an order."""
+
+    token: int
+    refused: str
+    """Why it was not carried out; else empty."""
+
+
 # --- the table ------------------------------------------------------------------------------------------
 
 
@@ -343,6 +364,8 @@ Message = (
     | LoadOutcome
     | Silence
     | Launcher
+    | HostOrder
+    | HostAnswer
 )
 
 
@@ -422,6 +445,8 @@ TABLE: Final = (
     Row(17, LoadOutcome, (octets(MESSAGE_OCTETS_MAX), people)),
     Row(18, Silence, (robot, instant)),
     Row(19, Launcher, _LAUNCHER),
+    Row(20, HostOrder, (lab_name, count, octets(REQUEST_OCTETS_MAX))),
+    Row(21, HostAnswer, (count, people)),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

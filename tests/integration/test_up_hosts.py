@@ -13,6 +13,7 @@ from launched import CORRIDOR
 from network import Network, not_permitted
 from process_tools import Stage
 
+from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.secret import make_secret
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -42,9 +43,9 @@ class Hosts:
         )
         make_secret(folder / "secret")
 
-    def up(self, host, *options, run=None, hosts=None, lab=None):
-        """Start the command on `host`."""
-        where = ("--hosts", hosts or self.hosts, "--here", host, "--secret", self.folder / "secret")
+    def up(self, host, *options, run=None, lab=None, admission=None):
+        """Start the command on `host`; `admission` takes the place of the secret."""
+        where = ("--hosts", self.hosts, "--here", host, *(admission or ("--secret", self.folder / "secret")))
         words = ("rmr_deploy.up", lab or self.lab, *where, "--run", self.folder / (run or host), *options)
         return self.stage.start(*words, before=self.network.on(host))
 
@@ -165,6 +166,48 @@ def test_a_host_with_another_program_and_a_host_twice_are_refused(hosts):
     c = hosts.up("c", run="c-again")
     for one in (a, b, c):
         one.wait_for("robots ready after")
+
+
+def test_hosts_with_keys_are_one_lab_and_each_has_its_own_bundles_alone(hosts):
+    lab = hosts.folder / "lab"
+    shutil.copytree(CORRIDOR, lab)
+    with (lab / "lab.yaml").open("a") as file:
+        file.write("bus: {security: mtls}\n")
+    ca = Authority.begin(hosts.folder / "ca")
+    robots = {"b": (1, 2, 3), "c": (4, 5, 6)}
+    for who in (holder("operator", "ann"), *(holder("robot", str(robot)) for robot in range(1, 7))):
+        ca.issue(who)
+    ca.issue(holder("world"), [hosts.network.address("a")])
+    for host, own in robots.items():
+        (hosts.folder / f"keys-{host}").mkdir(0o700)
+        write_bundle(ca.bundle(holder("operator", "ann")), hosts.folder / f"keys-{host}" / "operator")
+        for robot in own:
+            write_bundle(ca.bundle(holder("robot", str(robot))), hosts.folder / f"keys-{host}" / f"robot-{robot}")
+    keys = {"a": hosts.folder / "ca", "b": hosts.folder / "keys-b", "c": hosts.folder / "keys-c"}
+    started = {host: hosts.up(host, lab=lab, admission=("--keys", folder)) for host, folder in keys.items()}
+    assert ended(started) == {"a": 0, "b": 0, "c": 0}, [one.said() for one in started.values()]
+    assert (hosts.report()["finished"], hosts.report()["dead"]) == (True, [])
+
+
+def test_a_robot_is_shown_and_steered_from_every_host(hosts):
+    started = hosts.all_up()
+
+    def ask(host, *words):
+        command = [*hosts.network.on(host), sys.executable, "-m", "rmr", *words, "--run", hosts.folder / host]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+    shown = ask("a", "ps").stdout
+    assert [line.split()[0] for line in shown.splitlines()[3:]] == [f"{'bc'[n > 3]}/robot-{n}" for n in range(1, 7)]
+    assert [line.split()[0] for line in ask("b", "ps").stdout.splitlines()[5:]] == [f"c/robot-{n}" for n in (4, 5, 6)]
+    assert ask("a", "kill", "4").stdout == "robot 4 is killed\n"
+    assert ask("a", "kill", "4").stderr == "rmr kill: robot 4 is dead already\n"
+    assert "kill robot 4" in ask("c", "events").stdout
+    assert ask("b", "restart", "4").stdout == "robot 4 is started again\n"
+    started["c"].wait_for("robot 4 is started again")
+    assert ask("c", "pause", "1").stdout == "robot 1 is paused\n"
+    assert ask("a", "unpause", "1").stdout == "robot 1 is going on\n"
+    assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
+    assert hosts.report()["robots"]["4"]["restarts"] == 1
 
 
 def test_a_host_whose_world_does_not_come_says_what_it_waited_for(hosts):

@@ -196,6 +196,8 @@ MESSAGES = {
     ),
     wire.Stop: st.builds(wire.Stop, lines),
     wire.Silence: st.builds(wire.Silence, robots, instants),
+    wire.HostOrder: st.builds(wire.HostOrder, labs, counts, st.binary(max_size=9)),
+    wire.HostAnswer: st.builds(wire.HostAnswer, counts, lines),
     wire.Launcher: st.builds(
         wire.Launcher,
         labs,

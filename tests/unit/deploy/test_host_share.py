@@ -1,5 +1,7 @@
 """`rmr up --here HOST`: what one host starts, and each mistake about hosts in one sentence, before anything starts."""
 
+import asyncio
+import json
 import shutil
 from pathlib import Path
 
@@ -216,7 +218,15 @@ def company(folder):
     def make(here):
         made = plan(folder, here, run=f"run-{next(runs)}")
         bus = OneBus()
-        return HostCompany(made, made.share, bus), bus
+        orders = []
+
+        def perform(request):
+            orders.append(request)
+            return "robot 2 is dead" if request["robot"] == 2 else "" if request["robot"] == 3 else None
+
+        company = HostCompany(made, made.share, bus, perform)
+        company.orders = orders
+        return company, bus
 
     return make
 
@@ -308,6 +318,49 @@ def test_a_second_launcher_in_the_name_of_a_host_changes_nothing_until_the_first
     bus.hear(b._replace(state="running", folder="again"), run=3)
     assert a.lost(started=True) == {}
     assert a.folders == {"b": [b.folder, "again"]}
+
+
+def test_a_robot_that_a_person_has_killed_has_died_and_ends_no_run(company):
+    a, bus = company("a")
+    bus.hear(told(company, "b")._replace(gone=((2, "killed"), (3, "died"))))
+    assert a.lost(started=True) == {2: "died", 3: "died"}
+    assert a.killed() == {2}
+
+
+def test_an_order_is_carried_out_by_the_launcher_of_the_robots_host_and_answered(company):
+    b, bus = company("b")
+    for host, robot in (("b", 2), ("b", 3), ("b", 9), ("c", 2)):
+        request = json.dumps({"do": "kill", "robot": robot}).encode()
+        bus.hear(wire.HostOrder(host, 70 + robot, request))
+    bus.hear(wire.HostOrder("b", 80, b"{"))
+    bus.hear(wire.HostOrder("b", 81, b"[]"))
+    bus.hear(wire.HostOrder("b", 82, b'{"do": "kill", "robot": 2}'), sender=1)
+    assert [order["robot"] for order in b.orders] == [2, 3, 9]
+    assert bus.said == [
+        ("rmr/corridor/hosts/b", wire.HostAnswer(72, "robot 2 is dead")),
+        ("rmr/corridor/hosts/b", wire.HostAnswer(73, "")),
+    ]
+
+
+def test_an_order_to_another_host_is_answered_by_it_or_by_its_silence(company, monkeypatch):
+    a, bus = company("a")
+    b = told(company, "b")
+    monkeypatch.setattr("rmr_deploy.host_company.ANSWER_S", 0.05)
+
+    async def ask():
+        nobody = await a.order("c", {"do": "kill", "robot": 4})
+        bus.hear(b)
+        first = a.order("b", {"do": "kill", "robot": 2})
+        (_, order) = bus.said[-1]
+        bus.hear(wire.HostAnswer(order.token + 1, "of another"))
+        bus.hear(wire.HostAnswer(order.token, "robot 2 is dead"))
+        return nobody, await first, await a.order("b", {"do": "kill", "robot": 3})
+
+    assert asyncio.run(ask()) == (
+        "host c is not there",
+        "robot 2 is dead",
+        "host b does not answer: whether it was carried out is not known",
+    )
 
 
 def test_news_are_told_at_once_and_the_same_again_after_a_while(company, monkeypatch):
