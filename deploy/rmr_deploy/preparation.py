@@ -215,6 +215,10 @@ def _keep_private(plan: RunPlan) -> None:
         _hand_out_keys(plan, plan.options.keys)
         return
     if plan.credentials is None:
+        assert plan.share is not None
+        if plan.has_world and not is_loopback(plan.share.listen):
+            where = plan.share.hub.endpoint(plan.share.protocol)
+            print(f"rmr up: open: whoever reaches {where} can drive the robots and end the run", file=sys.stderr)
         return
     if plan.options.secret is not None:
         _take_secret(plan, plan.options.secret)

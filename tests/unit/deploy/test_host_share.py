@@ -67,8 +67,10 @@ def test_another_host_starts_its_robots_alone_and_connects_to_that_of_the_world(
     assert not (made.folder / "record" / "launcher.mcap").exists(), "a recording has it once"
 
 
-def test_an_open_world_says_so_and_has_no_secret(folder):
+def test_an_open_world_says_so_and_has_no_secret(folder, capsys):
     made = plan(folder, "a", secret=None, opened=True)
+    said = "rmr up: open: whoever reaches tcp/10.0.0.5:17447 can drive the robots and end the run\n"
+    assert capsys.readouterr().err == said
     assert "--open" in world_command(made, endpoint_of(made))
     assert not made.secret.exists()
     assert made.credentials is None
