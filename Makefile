@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # What needs nothing but the sources, then what needs processes, sockets or a clock; of these a failed test runs once more.
 PARTS := RMR_COMPILED= $(BIN)/python tests/run_parts.py
 
-.PHONY: help demo test test-fast test-slow test-all fast wheel sbom lint bench score score-ci paper ros2 validate-radio lock clean install
+.PHONY: help demo test test-fast test-slow test-all fast wheel sbom lint bench score score-ci site paper ros2 validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -74,6 +74,14 @@ score: $(STAMP) ## all provided labs and thirty drawn ones beside the last lande
 score-ci: $(STAMP) ## the part of the score that CI runs
 	RMR_COMPILED= $(BIN)/python tests/score/score.py --ci $(SCORE)
 
+site: $(VENV)/.site ## the pages as a site in build/site, with search; a link that leads nowhere is an error
+	@$(BIN)/python deploy/release/documentation.py
+
+$(VENV)/.site: $(STAMP) requirements-site.lock
+	@echo "installing the generator of the site, some 100 MB"
+	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements-site.lock
+	@touch $@
+
 paper: $(VENV)/.paper ## every figure and table of docs/evaluation, from scratch, and which targets are met
 	$(BIN)/python -m rmr.compiled.build --if-possible
 	$(BIN)/python tests/evaluation/evaluate.py
@@ -97,6 +105,8 @@ lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
 		--extra ros2 --extra mujoco --no-emit-package lark-parser --constraint requirements.lock \
 		--output-file requirements-ros2.lock pyproject.toml
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
+		--extra site --constraint requirements.lock --output-file requirements-site.lock pyproject.toml
 
 clean: ## remove what builds and runs leave behind
 	rm -rf $(VENV) build dist runs .mypy_cache .ruff_cache .pytest_cache .hypothesis

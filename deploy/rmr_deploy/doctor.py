@@ -48,6 +48,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "dev": "make test and make lint",
     "bench": "make bench: the rivals",
     "paper": "make paper",
+    "site": "make site",
 }
 """Extra -> what wants it; all but the first four are of use in a clone alone."""
 PROGRAMS: Final[Mapping[str, tuple[str, str]]] = {
@@ -107,10 +108,8 @@ def _libraries() -> Iterator[MachineCheck]:
             if not extra:
                 yield _check(name, False, told, USES.get(name, "commands of rmr"), f"pip install '{name}>={least}'")
     if "" not in wrong:
-        count = sum("extra ==" not in each for each in declared)
-        yield _check(
-            "libraries", True, f"all {count}; eclipse-zenoh {metadata.version('eclipse-zenoh')}", "all commands", ""
-        )
+        count, zenoh = sum("extra ==" not in each for each in declared), metadata.version("eclipse-zenoh")
+        yield _check("libraries", True, f"all {count}; eclipse-zenoh {zenoh}", "all commands", "")
     if find_spec("rclpy") is not None:  # of a ROS 2 installation, which pip knows nothing of
         wrong.pop("ros2", None)
     clone = (CLONE / "pyproject.toml").is_file()

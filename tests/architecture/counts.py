@@ -2,8 +2,9 @@
 
     python tests/architecture/counts.py [--land]
 
-Counted are the sources of the distribution, without tests, as `source_tree` reads them. `make lint` prints the table
-and is red where a count is worse than it is landed in `landed_counts.json`; `--land` lands what is there now.
+Counted are the sources of the distribution, without tests, as `source_tree` reads them, and the words of the pages.
+`make lint` prints the table and is red where a count is worse than it is landed in `landed_counts.json`; `--land` lands
+what is there now.
 
 Some facts had several forms, each with a parallel hierarchy. `FORMS` names a class or function of each form: a form
 counts as long as its name is defined anywhere, and the table names those that are left. A new form of such a fact, or
@@ -23,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from source_tree import SCRIPTS, Module, modules, own_module
+from source_tree import ROOT, SCRIPTS, Module, modules, own_module
 
 LANDED: Final = Path(__file__).with_name("landed_counts.json")
 SMALL_LINES: Final = 100
@@ -148,6 +149,17 @@ def importers(among: Iterable[Module]) -> dict[str, set[str]]:
     return dict(found)
 
 
+def pages() -> list[Path]:
+    """Return the pages that a reader has: README and docs, without the decisions, which are kept as they were taken."""
+    docs = ROOT / "docs"
+    return [ROOT / "README.md", *sorted(page for page in docs.rglob("*.md") if page.parent != docs / "decisions")]
+
+
+def words_of(text: str) -> int:
+    """Return the words of a page as `wc -w` counts them, code and tables with the rest."""
+    return len(text.split())
+
+
 def counted() -> tuple[list[Row], list[Share]]:
     """Return the numbers of this tree."""
     tree = modules()
@@ -163,6 +175,7 @@ def counted() -> tuple[list[Row], list[Share]]:
         Row("source lines", 102_847, total, 92_000),
         Row("modules with one importer", 190, len(one), held=False),  # a large one may well be a room of its own
         Row(SMALL, 82, len(small), names=tuple(small)),
+        Row("words of the pages", 136_797, sum(words_of(page.read_text("utf-8")) for page in pages()), 90_000),
         Row("console scripts", 14, len(SCRIPTS), 4),
     ]
     for fact, forms in FORMS.items():

@@ -6,8 +6,21 @@ from textwrap import dedent
 
 import counts
 import pytest
-from counts import FORMS, Row, constants_of, counted, defined_in, importers, lines_of, read_landed, table, worse
-from source_tree import modules
+from counts import (
+    FORMS,
+    Row,
+    constants_of,
+    counted,
+    defined_in,
+    importers,
+    lines_of,
+    pages,
+    read_landed,
+    table,
+    words_of,
+    worse,
+)
+from source_tree import ROOT, modules
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +90,13 @@ TEXT = f"""
 '''
     lines = lines_of(text, ast.parse(text))
     assert (lines.all, lines.docstrings, lines.comments, lines.code) == (12, 5, 1, 5)
+
+
+def test_words_are_those_of_the_pages_that_a_reader_has():
+    names = {page.relative_to(ROOT).as_posix() for page in pages()}
+    assert {"README.md", "docs/language.md", "docs/evaluation/README.md", "docs/examples/README.md"} <= names
+    assert not any("decisions" in name or "CHANGELOG" in name for name in names)
+    assert words_of("# One `two`\n\n| a | b |\n") == 8
 
 
 def test_a_form_counts_by_a_class_a_function_or_a_method_that_is_defined():

@@ -44,7 +44,7 @@ def test_make_test_all_is_make_test_and_make_test_slow() -> None:
     assert recipe is not None
     assert recipe[1].split() == ["$(MAKE)", "test", "$(MAKE)", "test-slow"]
     commands = [line for line in (ROOT / ".ci" / "run").read_text().splitlines() if line.startswith("make ")]
-    assert commands == ["make test", "make test-slow", "make lint", "make sbom", "make score-ci"]
+    assert commands == ["make test", "make test-slow", "make lint", "make site", "make sbom", "make score-ci"]
 
 
 @pytest.mark.slow
