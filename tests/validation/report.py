@@ -1,8 +1,8 @@
 """The report of a validation: its data, the tables of docs/radio-validation.md, and the figures.
 
-The words of the page are written by hand; each table stands between two marks and is renewed from the data, which are
-written beside the figures as validation.json. Where both sides of many checks are exactly the same, these are counted
-and not listed.
+The words of the page are written by hand; each table stands between two marks and is renewed from the data. The rows of
+all checks are in the data alone, validation.json beside the figures: the page has their sums, and names each that is
+missed.
 """
 
 import json
@@ -25,10 +25,10 @@ LABELS: dict[str, Callable[[Data], str]] = {
     "contention": judged.label_contention,
     "reply_storm": judged.label_storm,
 }
-EXPECTED = {"constants": "standard, or ns-3", "capture_3db": "expected"}
-"""Files whose checks are all listed, with what they are compared with."""
 MODES = {"contention": "delivery_ratio_sink", "reply_storm": "reply_delivery_ratio"}
 """What is compared between the modes of interference."""
+ROUNDS = (2, 5, 10, 20, 50)
+"""Numbers of robots whose rounds the page shows."""
 
 Cells = tuple[str, ...]
 
@@ -130,29 +130,53 @@ def table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
 
 def tables(data: Data) -> dict[str, list[str]]:
     """Return all tables of the page by what their marks say."""
-    checks = data["checks"]
-    found = {"summary": _summary(data)}
-    for file in dict.fromkeys(check["file"] for check in checks):
-        found[file] = _file([check for check in checks if check["file"] == file])
-    unjudged = [check for check in checks if check.get("unjudged") and check["unjudged"] != judged.NO_TOLERANCE]
-    header = ("file", "scenario", "quantity", "ours", "ns-3", "why not judged")
-    lines = [(_code(c["file"]), c["row"], _code(c["quantity"]), *_sides(c), c["unjudged"]) for c in unjudged]
-    found["unjudged"] = table(header, lines)
-    found["mutations"] = _mutations(data)
-    found["modes"] = _mode_rows(data["modes"])
-    found["rounds"] = _rounds(data["rounds"])
-    found["discovery"] = _discovery(data["discovery"])
-    return found
+    return {
+        "summary": _summary(data),
+        "unjudged": _unjudged(data["checks"]),
+        "mutations": _mutations(data),
+        "rounds": _rounds([row for row in data["rounds"] if row["members"] in ROUNDS]),
+        "discovery": _discovery(data["discovery"]),
+    }
 
 
 def _summary(data: Data) -> list[str]:
     lines = [f"RMR {data['version']}; seeds {data['seeds']}.", ""]
     counts = tally([as_check(each) for each in data["checks"]])
-    rows = [(_code(file), str(met), str(failed), str(shown)) for file, met, failed, shown in counts]
+    rows = [
+        (_code(file), str(met), str(failed), str(shown), _narrowest(data["checks"], file))
+        for file, met, failed, shown in counts
+    ]
     total = [str(sum(row[at] for row in counts)) for at in (1, 2, 3)]  # type: ignore[misc]
-    lines += table(("file", "met", "missed", "only shown"), [*rows, ("all", *total)])
+    header = ("file", "met", "missed", "only shown", "nearest to its tolerance")
+    lines += table(header, [*rows, ("all", *total, "")])
     missed = [each for each in data["checks"] if each["verdict"] == MISSED]
     return lines + (["", "Missed:", "", *table(HEADER, map(_cells, missed))] if missed else ["", "No check is missed."])
+
+
+def _narrowest(checks: Sequence[Data], file: str) -> str:
+    """Return the check of a file that uses most of its tolerance, with how much of it."""
+    some = [each for each in checks if each["file"] == file and each["tolerance"] and "difference" in each]
+    if not some:
+        return "all are equal"
+    most = max(some, key=_used)
+    return f"{most['quantity'].replace('|', '/')}: {_used(most):.0%}"
+
+
+def _used(check: Data) -> float:
+    part: float = abs(check["difference"]) / check["tolerance"]
+    return part
+
+
+def _unjudged(checks: Sequence[Data]) -> list[str]:
+    """Return how many quantities are not judged, by file and reason."""
+    counts: dict[tuple[str, str], int] = {}
+    for check in checks:
+        if check.get("unjudged"):
+            key = (check["file"], check["unjudged"])
+            counts[key] = counts.get(key, 0) + 1
+    return table(
+        ("file", "quantities", "why not judged"), [(_code(file), str(n), why) for (file, why), n in counts.items()]
+    )
 
 
 def as_check(data: Data) -> Check:
@@ -162,24 +186,6 @@ def as_check(data: Data) -> Check:
     if data["verdict"] == MISSED:
         return Check(**known | {"ours": "missed", "theirs": "met"}, tolerance=0.0)
     return Check(**known | {"ours": 0, "theirs": 0}, tolerance=None if data["verdict"] == SHOWN else 0.0)
-
-
-def _file(checks: Sequence[Data]) -> list[str]:
-    judged = [check for check in checks if check["verdict"] != SHOWN]
-    expected = EXPECTED.get(checks[0]["file"])
-    same = [] if expected else [c for c in judged if c["ours"] == c["theirs"] and "ours_half" not in c]
-    listed = [check for check in judged if check not in same]
-    header = [expected if expected and name == "ns-3" else name for name in HEADER]
-    lines = table(header, map(_cells, listed)) if listed else []
-    if same:
-        quantities = ", ".join(dict.fromkeys(_code(_kind(check["quantity"])) for check in same))
-        lines += ["", f"{len(same)} more checks in which both sides are equal: {quantities}."]
-    shown = len(checks) - len(judged)
-    return lines + (["", f"Not judged, and only in validation.json: {shown}."] if shown else [])
-
-
-def _kind(quantity: str) -> str:
-    return quantity.partition(", greatest")[0]
 
 
 def _cells(check: Data) -> Cells:
@@ -221,23 +227,16 @@ def _code(text: str) -> str:
 
 
 def _mutations(data: Data) -> list[str]:
-    def by(noticed: Mapping[str, int]) -> str:
-        return ", ".join(f"{family} ({count})" for family, count in noticed.items()) or "**none**"
-
-    header = ("rule broken", "families of checks that noticed (how many checks)")
-    lines = table(header, [(row["rule"], by(row["noticed"])) for row in data["mutations"]])
+    rows = data["mutations"]
     unguarded = [f"{family}: {quantity}" for family, quantity in data["unguarded"]]
     failed = data["guarded"] - len(unguarded)
-    lines += ["", f"Of {data['guarded']} kinds of checks {failed} fail for at least one of these rules."]
+    silent = [row["rule"] for row in rows if not row["noticed"]]
+    lines = [
+        f"{len(rows)} rules were broken; {len(rows) - len(silent)} were noticed.",
+        *([f"Not noticed: {'; '.join(silent)}."] if silent else []),
+        f"Of {data['guarded']} kinds of checks {failed} fail for at least one of these rules.",
+    ]
     return [*lines, f"No rule makes these fail: {'; '.join(unguarded)}."] if unguarded else lines
-
-
-def _mode_rows(found: Sequence[Data]) -> list[str]:
-    header = ("scenario", "quantity", "ns-3", "ours, `awgn`", "ours, `capture_3db`")
-    return table(header, [
-        (row["row"], _code(row["quantity"]), *(_mean(row[side]) for side in ("ns-3", "awgn", "capture_3db")))
-        for row in found
-    ])  # fmt: skip
 
 
 def _mean(field: Data | None) -> str:
@@ -247,10 +246,8 @@ def _mean(field: Data | None) -> str:
 def _rounds(found: Sequence[Data]) -> list[str]:
     header = (
         "robots",
-        "slotted",
         "round, ms",
         "frames",
-        "octets on air",
         "airtime, ms",
         "waiting, frames/s",
         "passing, frames/s",
@@ -258,9 +255,8 @@ def _rounds(found: Sequence[Data]) -> list[str]:
     return table(header, [
         (
             str(row["members"]),
-            f"{row['slotted']} of {row['seeds']}",
             _mean(row["round_ms"]),
-            *(_mean(row["round"][name]) for name in ("frames", "octets_on_air", "airtime_ms")),
+            *(_mean(row["round"][name]) for name in ("frames", "airtime_ms")),
             *(_mean(row[phase]["frames"]) for phase in ("waiting", "passing")),
         )
         for row in found

@@ -24,6 +24,17 @@ def test_every_table_is_that_of_the_data(report: ModuleType) -> None:
     assert report.renewed_page(PAGE, DATA) == PAGE
 
 
+def test_what_is_missed_and_what_is_not_noticed_stand_on_the_page(report: ModuleType) -> None:
+    checks = [dict(check) for check in DATA["checks"]]
+    found = next(check for check in checks if check["file"] == "contention" and check["verdict"] == "met")
+    found["verdict"] = "missed"
+    rules = [{"rule": "acks are late", "noticed": {}, "checks": 0}, *DATA["mutations"]]
+    text = report.renewed_page(PAGE, {**DATA, "checks": checks, "mutations": rules})
+    assert "No check is missed." not in text
+    assert f"| {found['row']} | `{found['quantity']}` |" in text
+    assert "Not noticed: acks are late." in text
+
+
 def test_every_figure_is_shown_and_is_lean(report: ModuleType) -> None:
     assert sorted(re.findall(r"\(radio/(\w+)\.svg\)", PAGE)) == sorted(report.figures.FIGURES)
     assert max((FOLDER / f"{name}.svg").stat().st_size for name in report.figures.FIGURES) < 300_000
