@@ -4,7 +4,8 @@ The pages are written for the tree, with links between its files. So the site is
 each page and what it links to, and every link leads where it leads in the tree. Only what a browser cannot follow
 differs: a folder is named and not linked, and a fenced block with a file name has that as its title. The generator
 builds in strict mode, in which a link or an anchor that leads nowhere is an error. A policy in each page (`main.html`)
-keeps a browser from loading anything from another host, and `elsewhere` looks for what would.
+keeps a browser from loading anything from another host, and `elsewhere` looks for what would. Options of
+commands have a page that no file has, `help.md`: the commands say them (`--help`), and no page of the tree does again.
 
     python deploy/release/documentation.py [FOLDER]
 """
@@ -17,6 +18,8 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+from rmr.commands.man_command import helps
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
@@ -92,6 +95,12 @@ def staged(folder: Path) -> int:
     return len(seen)
 
 
+def help_page() -> str:
+    """Return a page of what every command says of itself with `--help`."""
+    parts = [f"## {name}\n\n```text\n{text}\n```\n" for name, text in helps()]
+    return "\n".join(["# Every command\n", "What `--help` says, and the manual pages of `rmr man`.\n", *parts])
+
+
 def elsewhere(site: Path) -> list[str]:
     """Return what the pages of a site would load from another host, as `file: address`."""
     files: Iterable[Path] = sorted(file for file in site.rglob("*") if file.suffix in {".html", ".css"})
@@ -109,6 +118,7 @@ def built(folder: Path) -> str:
         raise SiteError("zensical is not installed: make site installs it, from requirements-site.lock")
     work = folder.parent / "pages"
     files = staged(work / "tree")
+    (work / "tree" / "help.md").write_text(help_page(), "utf-8")
     settings = (ROOT / "zensical.toml").read_text("utf-8")
     # Its folders are relative to the file, and within its folder.
     shutil.copytree(Path(__file__).with_name("site"), work / "theme", dirs_exist_ok=True)

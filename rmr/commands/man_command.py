@@ -24,13 +24,7 @@ def _declare(parser: Parser) -> None:
 
 def _write(folder: Path) -> int:
     """Write the pages; return the exit code."""
-    from rmr.commands.compile_command import command as rmrc  # noqa: PLC0415 - see rmr.commands
-    from rmr.commands.subcommands import command as rmr  # noqa: PLC0415
-
-    os.environ["COLUMNS"] = "100"  # as wide as help gets; man fills lines anew
-    programs: dict[str, Runnable] = {"rmr": rmr, "rmrc": rmrc}
-    programs |= {name: import_module(module).command() for name, module in SCRIPTS.items()}
-    pages = dict(each for name, command in programs.items() for each in _pages(command, name, []))
+    pages = {f"{name.replace(' ', '-')}.1": page(name, *parts_of(text)) for name, text in helps()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in pages.items():
@@ -42,18 +36,35 @@ def _write(folder: Path) -> int:
     return ExitCode.OK
 
 
-def _pages(command: Runnable, name: str, words: list[str]) -> Iterator[tuple[str, str]]:
-    """Yield file and page of `command` with `words` before its own, and those of its subcommands."""
+def helps() -> Iterator[tuple[str, str]]:
+    """Yield each command, such as "rmr lab list", with what it says with `--help`; the site has that, too."""
+    from rmr.commands.compile_command import command as rmrc  # noqa: PLC0415 - see rmr.commands
+    from rmr.commands.subcommands import command as rmr  # noqa: PLC0415
+
+    os.environ["COLUMNS"] = "100"  # as wide as help gets; man fills lines anew
+    programs: dict[str, Runnable] = {"rmr": rmr, "rmrc": rmrc}
+    programs |= {name: import_module(module).command() for name, module in SCRIPTS.items()}
+    for name, command in programs.items():
+        yield from _helps(command, name, [])
+
+
+def parts_of(text: str) -> tuple[str, list[str]]:
+    """Return the usage line of a help text and its other parts, which empty lines separate."""
+    usage, *parts = text.split("\n\n")
+    return usage, parts
+
+
+def _helps(command: Runnable, name: str, words: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield those of `command` with `words` before its own, and of its subcommands."""
     told = io.StringIO()
     with redirect_stdout(told), suppress(SystemExit):
         command.main([*words, "--help"], name)
-    usage, *parts = told.getvalue().strip().split("\n\n")
-    whole = " ".join([name, *words])
-    yield f"{whole.replace(' ', '-')}.1", page(whole, usage, parts)
+    yield " ".join([name, *words]), told.getvalue().strip()
+    usage, parts = parts_of(told.getvalue().strip())
     if usage.endswith("COMMAND ..."):
         options = next(number for number, part in enumerate(parts) if part.startswith("options:"))
         for word in re.findall(r"^  (\S+)  ", "\n".join(parts[options + 1 :]), re.MULTILINE):
-            yield from _pages(command, name, [*words, word])
+            yield from _helps(command, name, [*words, word])
 
 
 def page(name: str, usage: str, parts: list[str]) -> str:

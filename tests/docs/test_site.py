@@ -30,7 +30,14 @@ def test_every_page_has_its_place_and_only_one():
     assert len(placed) == len(set(placed))
     pages = {page.relative_to(ROOT).as_posix() for page in SITE["pages"]()}
     linked = {page for page in pages if page.startswith(("docs/decisions/0", "rmr/lang/pages/"))}
-    assert set(placed) == pages - linked
+    assert set(placed) == pages - linked | {"help.md"}
+
+
+def test_the_page_of_commands_has_each_with_its_options():
+    page = SITE["help_page"]()
+    for heading in ("rmr sim", "rmr lab list", "rmr fault radio", "rmrc", "rmr-agent", "rmr-world"):
+        assert f"\n## {heading}\n\n```text\nusage: {heading} " in page
+    assert "  --hard-chaos " in page
 
 
 def test_the_copy_has_each_page_and_what_it_links_to(tmp_path):
