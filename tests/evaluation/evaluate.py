@@ -143,21 +143,20 @@ def known(folder: Path) -> list[Data]:
 
 
 def overview(found: Sequence[Data]) -> list[str]:
-    """Return what the page says of all experiments: targets, seeds, when and where they were taken."""
+    """Return what the page says of all experiments: missed targets, seeds, when and where they were taken."""
     targets = [each for data in found for each in data.get("targets", [])]
-    missed = sum(not each["met"] for each in targets)
-    lines = [
-        (
-            f"`{data['name']}`",
-            data["seeds"],
-            f"{data['wall_s']:.0f} s",
-            f"{data['taken']}, {data['machine']['cores']} cores, {data['machine']['system']}, "
-            f"CPython {data['machine']['python']}",
-        )
-        for data in found
-    ]
-    told = f"{len(targets) - missed} of {len(targets)} targets are met."
-    return [told, "", *table(HEADER, target_lines(targets)), "", *table(("data", "seeds", "wall time", "taken"), lines)]
+    missed = [each for each in targets if not each["met"]]
+    lines = [f"{len(targets) - len(missed)} of {len(targets)} targets are met."]
+    if missed:
+        lines += ["", *table(HEADER, target_lines(missed))]
+    taken_at: dict[str, list[str]] = {}
+    for data in found:
+        machine = data["machine"]
+        where = f"{data['taken']}, {machine['cores']} cores, {machine['system']}, CPython {machine['python']}"
+        taken_at.setdefault(where, []).append(f"`{data['name']}` (seeds {data['seeds']})")
+    for where, those in taken_at.items():
+        lines += ["", f"Taken {where}: {', '.join(those)}."]
+    return lines
 
 
 def main() -> int:

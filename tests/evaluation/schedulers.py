@@ -211,7 +211,8 @@ def limits(estimate: Estimate) -> dict[str, list[float | None]]:
 
 
 def tables(data: Data) -> dict[str, list[str]]:
-    """Return the tables of what was carried out and of what was on paper."""
+    """Return the tables of what was carried out and of what was on paper, of this for the most jobs alone."""
+    most = max((row["count"] for row in data["paper"]), default=0)
     best = ("optimum", "as many as it", "as many as it from the first slots on")
     header = ("order", "deadlines met of 6", *best, "contacts", "runs with contact", "time, s")
     lines = [
@@ -229,5 +230,6 @@ def tables(data: Data) -> dict[str, list[str]]:
     paper = [
         (row["kind"], str(row["count"]), *(f"{row[method]['value']:.2f}" for method in METHODS))
         for row in data["paper"]
+        if row["count"] == most
     ]
     return {NAME: table(header, lines), "orders": table(("jobs", "n", *METHODS), paper)}
