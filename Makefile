@@ -62,7 +62,7 @@ lint: $(STAMP) ## ruff, mypy --strict, whether mypyc compiles what `make fast` d
 	$(BIN)/python -m rmr.compiled.build --check
 	$(BIN)/python tests/architecture/counts.py
 
-bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
+bench: $(STAMP) ## the figures of docs/benchmarks.md as tables, and as JSON in build/
 	$(BIN)/python -m rmr.compiled.build --if-possible
 	@missed=; for each in run compile engine columns radio cells gaps; do \
 		$(BIN)/python tests/bench/$$each.py || missed="$$missed $$each"; \

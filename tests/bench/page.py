@@ -102,6 +102,18 @@ def rows(data: Data) -> list[tuple[str, ...]]:
     ]
 
 
+def _others(comparisons: Sequence[Data]) -> list[str]:
+    """Return a line for each rival but CLIPS: the least and the greatest of its ratios."""
+    ratios: dict[str, list[float]] = {}
+    for each in comparisons:
+        if each["rival"] != CLIPS and each["ratio"]:
+            ratios.setdefault(each["rival"], []).append(each["ratio"]["median"])
+    return [
+        f"- {rival}: ratios {min(those):.3g} to {max(those):.3g}, {len(those)} workloads"
+        for rival, those in ratios.items()
+    ]
+
+
 def _microseconds(timing: Data, firings: int) -> str:
     return f"{timing['total']['median'] / firings * 1e6:.2f}"
 
@@ -111,17 +123,23 @@ def verdict(met: bool | None) -> str:
 
 
 def tables(data: Data) -> str:
-    """Return the taking in Markdown: when and where, the comparisons, the costs of one machine."""
+    """Return the taking in Markdown: when and where, the comparisons with CLIPS, the costs that have a target.
+
+    Of the other rivals it has the range of their ratios, and each target that is missed; the data have all.
+    """
     machine = data["machine"]
     where = f"{machine['cores']} cores, {machine['system']}, CPython {machine['python']}, {data['rounds']} rounds"
     rivals = ", ".join(f"{name} {number}" for name, number in data["rivals"].items())
     lines = [
         f"Taken {data['taken'][:10]}: {where}; engine: {data['engine']}. Rivals: {rivals or 'none'}.",
         "",
-        *table(HEADER, rows(data)),
+        *table(HEADER, [row for row in rows(data) if row[2] == CLIPS or row[-1] == "not met"]),
+        "",
+        *_others(data["comparisons"]),
         "",
     ]
-    lines += table(("one machine", "taken", "target", ""), figure_rows(data["figures"]))
+    aimed = [each for each in data["figures"] if each["target"] is not None]
+    lines += table(("one machine", "taken", "target", ""), figure_rows(aimed))
     lines += [f"\nNot installed: {', '.join(data['not installed'])}."] if data["not installed"] else []
     return "\n".join(lines) + "\n"
 
