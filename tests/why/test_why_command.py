@@ -185,7 +185,7 @@ def test_every_option_of_rmr_why_is_documented():
         "--help",
         "--version",
     }
-    assert [name for name in sorted(offered) if f"`{name}" not in pages] == []
+    assert [name for name in sorted(offered) if name not in pages] == []
 
 
 def test_the_turn_of_a_passage_has_its_name(tmp_path):
