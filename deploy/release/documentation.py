@@ -41,7 +41,8 @@ class SiteError(Exception):
 
 def pages() -> list[Path]:
     """Return the pages that the site has whether or not another links to them."""
-    found = [ROOT.glob("*.md"), (ROOT / "docs").rglob("*.md"), (ROOT / "rmr" / "lang" / "pages").glob("*.md")]
+    diagnostics, keys = (ROOT / "rmr" / "lang" / "pages").glob("*.md"), (ROOT / "world" / "rmr_world").glob("*.md")
+    found = [ROOT.glob("*.md"), (ROOT / "docs").rglob("*.md"), diagnostics, keys]
     return sorted(page for each in found for page in each)
 
 

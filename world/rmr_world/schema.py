@@ -6,6 +6,9 @@ not defined) are in `rmr_world.validate`. The JSON Schema for editors is made fr
 """
 
 import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import pydantic
@@ -108,8 +111,8 @@ def _one_of(model: BaseModel, *names: str) -> None:
 class ArenaSpec(_Strict):
     """The floor."""
 
-    size: tuple[Length, Length] = Field(description="Width and height, metres.")
-    cell: Positive = Field(0.05, description="Edge of a cell of the planning grid, metres.")
+    size: tuple[Length, Length]
+    cell: Positive = 0.05
 
     @model_validator(mode="after")
     def _bounded(self) -> "ArenaSpec":
@@ -137,7 +140,7 @@ class QueueSpec(_Strict):
     """Where robots wait for the area: the first at the path's beginning, each next one `spacing` further."""
 
     path: Annotated[list[XY], Field(min_length=2, max_length=64)]
-    spacing: Positive = Field(description="Metres along the path.")
+    spacing: Positive
 
 
 class LineSpec(_Strict):
@@ -182,9 +185,7 @@ class PassageSpec(_Strict):
 class StationSpec(_Strict):
     """An area that a robot holds from before it drives in until it has left."""
 
-    capacity: Annotated[int, Strict(), Field(ge=1, le=ROBOTS_MAX)] | None = Field(
-        None, description="How many robots may be there at a time; by default as many as the area has places."
-    )
+    capacity: Annotated[int, Strict(), Field(ge=1, le=ROBOTS_MAX)] | None = None
 
 
 def stations_value(value: object) -> object:
@@ -230,7 +231,7 @@ class RobotSpec(_Strict):
     """One robot (`id` and `pose`) or several (`ids` and `grid`)."""
 
     id: RobotId | None = None
-    pose: tuple[Number, Number, Angle] | None = Field(None, description="x, y in metres and heading.")
+    pose: tuple[Number, Number, Angle] | None = None
     ids: Ids | None = None
     grid: GridSpec | None = None
 
@@ -274,9 +275,9 @@ class ShapeSpec(_Strict):
 class BurstsSpec(_Strict):
     """Bursts of losses: each link is good for a while, then bad (Gilbert and Elliott)."""
 
-    good: DurationNs = Field(description="Mean length of a good time.")
-    bad: DurationNs = Field(description="Mean length of a bad time.")
-    loss: Fraction = Field(1.0, description="Share of frames lost in a bad time.")
+    good: DurationNs
+    bad: DurationNs
+    loss: Fraction = 1.0
 
     @model_validator(mode="after")
     def _possible(self) -> "BurstsSpec":
@@ -288,7 +289,7 @@ class LinkSpec(_Strict):
     """How the link between two robots is worse than distance makes it: one of `loss`, `attenuation_db`, `cut`."""
 
     link: Link
-    one_way: Flag = Field(False, description="From the first robot to the second only.")
+    one_way: Flag = False
     loss: Fraction | None = None
     attenuation_db: Attenuation | None = None
     cut: Cut | None = None
@@ -316,7 +317,7 @@ class RadioSpec(_RadioModel, _Strict):  # type: ignore[valid-type, misc]
 
     seed: Seed | None = None
     security: Literal["none", "enc-mic-32", "enc-mic-64", "enc-mic-128"] | None = None
-    key_file: Annotated[str, Field(min_length=1, description="Relative to this file.")] | None = None
+    key_file: Annotated[str, Field(min_length=1)] | None = None
     links: Annotated[list[LinkSpec], Field(max_length=DISTURBANCES_MAX)] = []
     partition: Groups | None = None
 
@@ -330,27 +331,20 @@ class RadioSpec(_RadioModel, _Strict):  # type: ignore[valid-type, misc]
 class BusSpec(_Strict):
     """The bus between the processes of `rmr up`, or of a lab that is started by hand."""
 
-    security: Annotated[Literal["secret", "mtls"], Field(description="mtls: processes without keys are refused.")] = (
-        "secret"
-    )
+    security: Literal["secret", "mtls"] = "secret"
 
 
 class HostSpec(_Strict):
     """The share of one host, where the processes of a lab are spread over several."""
 
-    address: Annotated[str, Field(pattern=HOST_ADDRESS)] | None = Field(
-        None, description="Name or IP address by which other hosts reach it; by default the host's name."
-    )
-    port: Annotated[int, Strict(), Field(ge=1, le=65535)] | None = Field(None, description="Of its router.")
-    world: Flag = Field(False, description="Whether it has the world: one host has.")
-    router: Flag | None = Field(None, description="false: its processes connect to the router of the world's host.")
-    robots: Ids | None = Field(None, description="The robots whose processes it has.")
+    address: Annotated[str, Field(pattern=HOST_ADDRESS)] | None = None
+    port: Annotated[int, Strict(), Field(ge=1, le=65535)] | None = None
+    world: Flag = False
+    router: Flag | None = None
+    robots: Ids | None = None
 
 
-Hosts = Annotated[
-    dict[Annotated[str, Field(pattern=HOST_NAME)], HostSpec],
-    Field(description="Which host has the world, which robots; rmr export writes what starts them."),
-]
+Hosts = dict[Annotated[str, Field(pattern=HOST_NAME)], HostSpec]
 
 
 class HostsFile(_Strict):
@@ -362,11 +356,9 @@ class HostsFile(_Strict):
 class LocalisationSpec(_Strict):
     """The ultrasonic localisation service."""
 
-    beacons: (
-        Annotated[list[XY], Field(max_length=16, description="By default the two lower corners of the arena.")] | None
-    ) = None
-    rate: Annotated[float, Strict(), Field(gt=0, le=60, description="Pulses of each beacon per second.")] = 10.0
-    sigma: Annotated[float, Strict(), Field(ge=0, le=10, description="Noise of a range, metres.")] = 0.005
+    beacons: Annotated[list[XY], Field(max_length=16)] | None = None
+    rate: Annotated[float, Strict(), Field(gt=0, le=60)] = 10.0
+    sigma: Annotated[float, Strict(), Field(ge=0, le=10)] = 0.005
     dropout: Fraction = 0.0
 
 
@@ -377,23 +369,19 @@ class Ros2Spec(_Strict):
     the namespace.
     """
 
-    namespace: Annotated[str, Field(pattern=NAMESPACE)] = Field(description="Of the robot's topics: /tb3_{id}.")
-    odom: Topic = Field("odom", description="nav_msgs/Odometry.")
-    cmd_vel: Topic = Field("cmd_vel", description="Twist or TwistStamped, as its subscriber has it.")
-    pose: Topic = Field("amcl_pose", description="PoseWithCovarianceStamped or PoseStamped.")
-    sigma: Annotated[float, Strict(), Field(gt=0, le=10)] = Field(
-        0.03, description="Standard deviation of the position, metres, where a pose has no covariance."
-    )
-    heading_sigma: Annotated[Angle, Field(gt=0, le=math.pi)] = Field(math.radians(3), description="Of the heading.")
-    origin: tuple[Number, Number, Angle] = Field(
-        (0.0, 0.0, 0.0), description="Where the floor's lower left corner is in the frame of the poses, and its turn."
-    )
+    namespace: Annotated[str, Field(pattern=NAMESPACE)]
+    odom: Topic = "odom"
+    cmd_vel: Topic = "cmd_vel"
+    pose: Topic = "amcl_pose"
+    sigma: Annotated[float, Strict(), Field(gt=0, le=10)] = 0.03
+    heading_sigma: Annotated[Angle, Field(gt=0, le=math.pi)] = math.radians(3)
+    origin: tuple[Number, Number, Angle] = (0.0, 0.0, 0.0)
 
 
 class BodySpec(_Strict):
     """What the bodies of some robots are, or of all."""
 
-    robots: IdsOrAll = Field([], description="By default all.")
+    robots: IdsOrAll = []
     ros2: Ros2Spec
 
 
@@ -449,12 +437,12 @@ class FaultSpec(_Strict):
     link: Link | None = None
     one_way: Flag = False
     partition: Groups | None = None
-    mute: RobotId | None = Field(None, description="Nobody receives or senses this robot's frames.")
-    deaf: RobotId | None = Field(None, description="This robot receives and senses no frames.")
+    mute: RobotId | None = None
+    deaf: RobotId | None = None
     stall: RobotId | None = None
     slow: RobotId | None = None
     every: DurationNs | None = None
-    outage: IdsOrAll | None = Field(None, description="Robots that hear no beacon, or all.")
+    outage: IdsOrAll | None = None
 
     @model_validator(mode="after")
     def _timed(self) -> "FaultSpec":
@@ -487,9 +475,9 @@ class FaultSpec(_Strict):
 class LoadSpec(_Strict):
     """A new program that the robots get while they run (rmr sim)."""
 
-    at: DurationNs = Field(description="When one of the robots begins to distribute it.")
-    program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
-    robots: Ids | None = Field(None, description="The robots that get it; by default all.")
+    at: DurationNs
+    program: Annotated[str, Field(min_length=1)]
+    robots: Ids | None = None
 
 
 PassageValue = Annotated[
@@ -515,27 +503,22 @@ PassageValue = Annotated[
 class LabFile(_Strict):
     """A whole lab file."""
 
-    lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
-    program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
-    actions: PythonFile | None = Field(None, description="Handlers of actions, relative to this file.")
-    events: PythonFile | None = Field(None, description="Your own events (rmr sim), relative to this file.")
+    lab: Annotated[str, Field(pattern=LAB_NAME)]
+    program: Annotated[str, Field(min_length=1)]
+    actions: PythonFile | None = None
+    events: PythonFile | None = None
     seed: Seed = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S
-    finish: str | None = Field(None, description="A fact that every robot holds in the end: at(R, exit).")
+    finish: str | None = None
     quorum: Annotated[Quorum, BeforeValidator(quorum_value), WithJsonSchema(QUORUM_SCHEMA)] = ALL
     arena: ArenaSpec
-    map: Annotated[str, Field(min_length=1)] | None = Field(
-        None, description="Floor from an image or the map.yaml of a ROS map server, relative to this file."
-    )
+    map: Annotated[str, Field(min_length=1)] | None = None
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
     bottleneck: PassageValue | None = None
     passages: (
         Annotated[dict[Annotated[str, Field(pattern=NAME)], PassageValue], Field(max_length=PASSAGES_MAX)] | None
-    ) = Field(
-        None,
-        description="Passages in which whoever drives through takes turns, by name; by default those of the floor.",
-    )
+    ) = None
     stations: Annotated[dict[str, StationSpec], BeforeValidator(stations_value), WithJsonSchema(STATIONS_SCHEMA)] = {}
     robots: Annotated[list[RobotSpec], Field(min_length=1)]
     facts: list[str] = []
@@ -550,5 +533,26 @@ class LabFile(_Strict):
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of a lab file."""
-    return LabFile.model_json_schema()
+    """Return the JSON Schema (2020-12) of a lab file, with the words of `lab_keys.md` as descriptions, for editors."""
+    schema = LabFile.model_json_schema()
+    text = Path(__file__).with_name("lab_keys.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`]+)` \|[^|]*\| (.*) \|$", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text), re.MULTILINE)
+    _describe(schema, schema, "", dict(rows))
+    return schema
+
+
+def _describe(schema: dict[str, Any], node: dict[str, Any], path: str, words: Mapping[str, str]) -> None:
+    """Describe all keys below `node`, which is at `path` as `lab_keys.md` writes it."""
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+    for option in node.get("anyOf", []):
+        _describe(schema, option, path, words)
+    for key, inner in node.get("properties", {}).items():
+        here = f"{path}.{key}" if path else key
+        inner["description"] = words[here]
+        _describe(schema, inner, here, words)
+    if isinstance(node.get("items"), dict):
+        _describe(schema, node["items"], f"{path}[]", words)
+    for inner in (node.get("additionalProperties"), *node.get("patternProperties", {}).values()):
+        if isinstance(inner, dict):
+            _describe(schema, inner, f"{path}.NAME", words)

@@ -35,7 +35,8 @@ from rmr_world.schema import CELLS_MAX, LabFile, json_schema
 from rmr_world.units import ROBOTS_MAX
 
 PAGE = page("labs")
-KEYS = [(codes(key)[0], codes(default), text) for key, default, text in table(PAGE, "key", "default", "meaning")]
+LAB_KEYS = (ROOT / "world" / "rmr_world" / "lab_keys.md").read_text("utf-8")
+KEYS = [(codes(key)[0], codes(default), text) for key, default, text in table(LAB_KEYS, "key", "default", "meaning")]
 
 
 # -- the lab file
@@ -61,6 +62,16 @@ def schema_keys(schema, node, path):
 def test_every_key_of_the_lab_file_is_documented_and_no_other():
     schema = json_schema()
     assert sorted(key for key, _, _ in KEYS) == sorted(set(schema_keys(schema, schema, "")))
+
+
+def test_the_schema_has_the_words_of_the_page_without_links():
+    schema = json_schema()
+    assert schema["properties"]["finish"]["description"].startswith("a fact that every robot holds in the end")
+    described = [
+        node["description"] for each in schema["$defs"].values() for node in each.get("properties", {}).values()
+    ]
+    assert len(described) > 70
+    assert not [text for text in described if "](" in text]
 
 
 def minimal():
@@ -116,9 +127,9 @@ def test_the_required_keys_are_those_named():
 
 
 def test_the_limits_are_those_of_the_code():
-    assert f"{CELLS_MAX:,} cells".replace(",", " ") in PAGE
-    assert f"takes them; {ROBOTS_MAX} at most" in PAGE
-    assert f"0 to {ROBOT_ID_MAX} ..." in PAGE
+    assert f"{CELLS_MAX:,} cells".replace(",", " ") in LAB_KEYS
+    assert f"takes them; {ROBOTS_MAX} at most" in LAB_KEYS
+    assert f"0 to {ROBOT_ID_MAX} ..." in LAB_KEYS
     assert f"At most {DISTURBANCES_MAX} disturbances hold at a time" in PAGE
 
 
