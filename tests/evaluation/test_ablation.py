@@ -39,7 +39,7 @@ def test_a_rule_that_fired_is_left_out_and_others_count_as_equal(tmp_path, monke
     gate, retreat = (json.loads(line) for line in (out / "ablation.jsonl").read_text().splitlines())
     assert (gate["fired"], gate["changed"]) == (1, 1)
     assert (retreat["fired"], retreat["changed"], retreat["verdict"]) == (0, 0, "never fires")
-    assert "| `gate` | 1 of 1 | 1 |" in (out / "ablation.md").read_text()
+    assert "| `gate` | 1 of 1 | " in (out / "ablation.md").read_text()
     monkeypatch.setattr(ablation, "carried_out", lambda case: pytest.fail(f"{case} is known"))
     ablation.main()
 
