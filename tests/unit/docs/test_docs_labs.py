@@ -35,6 +35,7 @@ from rmr_world.schema import CELLS_MAX, LabFile, json_schema
 from rmr_world.units import ROBOTS_MAX
 
 PAGE = page("labs")
+TEXT = " ".join(PAGE.split())
 LAB_KEYS = (ROOT / "world" / "rmr_world" / "lab_keys.md").read_text("utf-8")
 KEYS = [(codes(key)[0], codes(default), text) for key, default, text in table(LAB_KEYS, "key", "default", "meaning")]
 
@@ -130,7 +131,7 @@ def test_the_limits_are_those_of_the_code():
     assert f"{CELLS_MAX:,} cells".replace(",", " ") in LAB_KEYS
     assert f"takes them; {ROBOTS_MAX} at most" in LAB_KEYS
     assert f"0 to {ROBOT_ID_MAX} ..." in LAB_KEYS
-    assert f"At most {DISTURBANCES_MAX} disturbances hold at a time" in PAGE
+    assert f"At most {DISTURBANCES_MAX} disturbances hold at a time" in TEXT
 
 
 def test_the_example_of_disturbances_is_a_lab_files():
@@ -203,12 +204,12 @@ def test_what_rmr_fault_shows_of_a_disturbance_is_documented():
     told = Disturbances("x", 0, (Disturbance(loss=0.5),), 0, "")
     shown = record(told)["disturbances"][0]
     assert [codes(row[0])[0] for row in table(PAGE, "of a disturbance", "meaning")] == list(shown)
-    assert f"begins {LEAD // NS_PER_MS} ms of lab time later" in PAGE
-    assert f"a {DISTURBANCES_MAX + 1}th disturbance" in PAGE
+    assert f"begins {LEAD // NS_PER_MS} ms of lab time later" in TEXT
+    assert f"a {DISTURBANCES_MAX + 1}th disturbance" in TEXT
 
 
 def test_the_endpoint_is_the_one_that_commands_default_to():
-    assert PAGE.count(f"default `{DEFAULT_ENDPOINT}`") == 3, "of rmr-world, rmr-agent and rmr router"
+    assert TEXT.count(f"default `{DEFAULT_ENDPOINT}`") == 3, "of rmr-world, rmr-agent and rmr router"
     protocols = re.findall(r"`(\w+)`", re.search(r"the protocol one of (.*?)\. `--listen`", PAGE, re.DOTALL)[1])
     assert protocols == ENDPOINT.pattern.split(")")[0].lstrip("(").split("|")
 
