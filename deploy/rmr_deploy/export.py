@@ -150,18 +150,12 @@ def _unfit(hosts: Sequence["LabHost"]) -> str:
 
 def _lab_files(lab: "Lab") -> dict[str, bytes]:
     """Return the lab file and the files that it names, by their names in the output. Raises OSError, ValueError."""
-    import yaml
+    from rmr_world.lab_file import files_of
 
     folder = lab.path.parent.resolve()
-    named = [lab.actions, lab.events, *(load.program for load in lab.loads)]
-    if (floor := yaml.safe_load(lab.path.read_text()).get("map")) is not None:
-        named.append(folder / floor)
-        if Path(floor).suffix in {".yaml", ".yml"}:
-            image = yaml.safe_load((folder / floor).read_text())["image"]
-            named.append((folder / floor).parent / image)
     files = {"lab/lab.yaml": lab.path.read_bytes()}
-    for path in named:
-        if path is None:
+    for place, path in files_of(lab):
+        if place == ("program",):  # exported as byte-code
             continue
         if not path.resolve().is_relative_to(folder):
             raise ValueError(f"{path} is outside of the lab's folder: put it beside {lab.path.name}")

@@ -6,6 +6,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from PIL import Image
 from test_command import code_of, tiny
 
 from rmr_sim import sim_command
@@ -20,7 +21,7 @@ from rmr_sim.hunt.lineage import LineageObserver, Support
 from rmr_sim.main import main
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_world.faults import fault_line, fault_lines
-from rmr_world.lab_file import load_lab
+from rmr_world.lab_file import files_of, load_lab
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 MUTE = Harm(HarmKind.MUTE, (3,), 2_000, 9_000)
@@ -308,7 +309,12 @@ def test_lab_that_does_not_finish_without_any_fault_is_found_as_that(tmp_path, c
 def test_file_that_repeats_a_finding_keeps_the_faults_of_the_lab_and_finds_its_files(tmp_path):
     (tmp_path / "cross").mkdir()
     folder = crossing(tmp_path / "cross")
-    (folder / "lab.yaml").write_text(CROSS + "faults: [{from: 1s, to: 2s, stall: 1}]\n")
+    (folder / "floor").mkdir()
+    (folder / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
+    Image.new("L", (32, 32), 255).save(folder / "floor" / "floor.png")
+    (folder / "next.rmr").write_text(GO)
+    more = "faults: [{from: 1s, to: 2s, stall: 1}]\nmap: floor/map.yaml\nloads: [{at: 1s, program: next.rmr}]\n"
+    (folder / "lab.yaml").write_text(CROSS + more)
     lab = load_lab(folder)
     broken = Broken("contact", 3.0, (1, 2), "robot 1 touched robot 2")
     finding = HuntFinding(5, (CRASH,), broken, 7, 2, (CRASH,))
@@ -316,7 +322,9 @@ def test_file_that_repeats_a_finding_keeps_the_faults_of_the_lab_and_finds_its_f
     written = load_lab(tmp_path / "found-1.yaml")
     harmed = with_harms(lab, (CRASH,))
     assert (written.faults, written.duration, written.seed) == (harmed.faults, harmed.duration, 5)
-    assert written.program.resolve() == lab.program.resolve()
+    named = [(place, file.resolve()) for place, file in files_of(written)]
+    assert named == [(place, file.resolve()) for place, file in files_of(lab)]
+    assert [place for place, _ in named] == [("program",), ("loads", 0, "program"), ("map",), ()]
 
 
 @pytest.mark.parametrize(

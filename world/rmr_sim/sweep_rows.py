@@ -20,13 +20,13 @@ from typing import Any, TextIO
 import rmr
 import rmr_sim
 import rmr_world
-from rmr.base.arena import to_data
 from rmr.base.file_errors import naming
 from rmr.mind.mind_versions import digest_of
 from rmr.mind.mind_versions import versions as mind_versions
 from rmr_sim.arguments import command_of
 from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import Row
+from rmr_world.lab_file import files_of
 
 ROWS_FILE = "rows.jsonl"
 NEW = ".new"
@@ -61,10 +61,9 @@ def versions() -> dict[str, str]:
 def head(arguments: argparse.Namespace, loaded: LoadedLab) -> dict[str, Any]:
     """Return the first line of the file, which identifies the sweep. Raises OSError for an unreadable file."""
     lab = loaded.lab
-    files = [path.read_bytes() for path in (lab.path, lab.program, lab.actions, lab.events) if path is not None]
+    files = [path.read_bytes() for path in (lab.path, *(file for _, file in files_of(lab)))]
     programs = [loaded.program, *(program for _, program in loaded.loads)]  # with all that they include
-    floor = repr(to_data(lab.arena)).encode()  # it may come from the image of a map
-    contents = [*files, floor, loaded.key or b"", *(b"%x" % program.digest for program in programs)]
+    contents = [*files, *(b"%x" % program.digest for program in programs)]
     named = argparse.Namespace(**{**vars(arguments), "lab": "LAB", "strict": False})
     return {
         **versions(),

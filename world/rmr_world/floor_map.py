@@ -92,6 +92,11 @@ def read_map(path: Path) -> FloorMap:
     return FloorMap(blocked, about["resolution"], int(np.count_nonzero(~blocked & (grey == UNKNOWN))))
 
 
+def image_of(path: Path) -> Path | None:
+    """Return the image that a map file of ROS names; None for an image. Raises MapError."""
+    return path.parent / _about(path)["image"] if path.suffix in SUFFIXES else None
+
+
 def _lightness(grey: np.ndarray) -> np.ndarray:
     """Return the lightness, 0 (black) to 1 (white), of greys; single precision, as the map server compares it."""
     return grey.astype(np.float32) / np.float32(OPAQUE)

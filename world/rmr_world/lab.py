@@ -184,6 +184,8 @@ class Lab:
     """The file with the handlers of the program's own actions."""
     events: Path | None = None
     """The file with the user's own events, for the simulator."""
+    map_file: Path | None = None
+    """The file with the map of its floor: an image, or a map file of ROS."""
     key_file: Path | None = None
     """The file with the radio's key. It is no part of `radio`, whose settings are public on the bus."""
     mtls: bool = False

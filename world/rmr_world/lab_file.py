@@ -7,13 +7,13 @@ The key of its radio is read by the programs that start all of its robots, the l
 server does not read it: it publishes the security level only, for the bus is clear text.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr.radio.security import UNSECURED
 from rmr_world.document import Plain, read
-from rmr_world.finding import Finding, LabError
+from rmr_world.finding import FilePath, Finding, LabError
 from rmr_world.lab import PROGRAM_SUFFIXES, Lab
 from rmr_world.provided_labs import LAB_FILE, resolve
 from rmr_world.validate.pipeline import lab_of
@@ -50,6 +50,29 @@ def _plain(item: object) -> Plain:
     if isinstance(item, list | tuple):
         return [_plain(value) for value in item]
     return item if isinstance(item, str | int | float | bool) or item is None else str(item)
+
+
+def files_of(lab: Lab) -> Iterator[tuple[FilePath, Path]]:
+    """Yield the files that a run of `lab` reads beside its lab file, each with the place that names it there.
+
+    The image of a map file of ROS is named by that file: its place is (). What a program includes is left out.
+    Raises MapError for a map file that has been changed and cannot be read any more.
+    """
+    for place, file in (
+        (("program",), lab.program),
+        (("actions",), lab.actions),
+        (("events",), lab.events),
+        (("radio", "key_file"), lab.key_file),
+        *((("loads", index, "program"), load.program) for index, load in enumerate(lab.loads)),
+        (("map",), lab.map_file),
+    ):
+        if file is not None:
+            yield place, file
+    if lab.map_file is not None:
+        from rmr_world.floor_map import image_of  # noqa: PLC0415 - see LabDraft._map_boxes
+
+        if (image := image_of(lab.map_file)) is not None:
+            yield (), image
 
 
 def radio_key(lab: Lab) -> bytes | None:

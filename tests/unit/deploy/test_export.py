@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 from command_runner import invoke
+from PIL import Image
 
 from rmr_deploy.export import command, exec_start
 
@@ -46,6 +47,28 @@ def test_the_same_input_gives_the_kept_octets(tmp_path, engine):
             path.write_bytes(text)
     assert of_hosts == files(GOLDEN / engine)
     assert sorted(name for name in found if name.startswith("lab/")) == ["lab/lab.yaml", "lab/program.rbc"]
+
+
+def test_the_lab_has_its_map_with_the_image_and_the_programs_of_its_loads(tmp_path):
+    folder = tmp_path / "own"
+    (folder / "floor").mkdir(parents=True)
+    for name in ("work.rmr", "next.rmr"):
+        (folder / name).write_text("done(R).\n")
+    (folder / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
+    Image.new("L", (20, 20), 255).save(folder / "floor" / "floor.png")
+    (folder / "lab.yaml").write_text(
+        "{lab: own, program: work.rmr, duration: 2s, arena: {size: [1, 1]}, map: floor/map.yaml,"
+        " robots: [{id: 1, pose: [0.5, 0.5, 0deg]}], loads: [{at: 1s, program: next.rmr}]}"
+    )
+    hosts = "hosts:\n  a: {world: true, robots: 1}\n"
+    assert export(tmp_path, "systemd", "--open", hosts=hosts, lab=str(folder)).exit_code == 0
+    assert sorted(name for name in files(tmp_path / "out") if name.startswith("lab/")) == [
+        "lab/floor/floor.png",
+        "lab/floor/map.yaml",
+        "lab/lab.yaml",
+        "lab/next.rmr",
+        "lab/program.rbc",
+    ]
 
 
 def test_units_start_the_commands_of_a_host(tmp_path):

@@ -9,7 +9,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
+from operator import getitem
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -27,6 +28,7 @@ from rmr_sim.worker_pool import WorkerPool, pool_of
 from rmr_world.document import read
 from rmr_world.faults import fault_entries, fault_line
 from rmr_world.lab import Lab
+from rmr_world.lab_file import files_of
 
 if TYPE_CHECKING:
     from rmr_sim.cluster_pool import ClusterPool
@@ -39,7 +41,7 @@ PROGRESS_PERIOD_S_MAX = 600.0
 
 
 def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
-    """HuntSearch until the budget is over or enough is found; return the exit code: 1 if anything was found."""
+    """Hunt until the budget is over or enough is found; return the exit code: 1 if anything was found."""
     lab = loaded.lab
     loaded.simulation(arguments.seed)  # what is wrong with the user's files shows here, once
     quarry = Quarry(
@@ -210,9 +212,6 @@ def _status() -> Any:
 # A lab file that repeats a finding is the lab's own with the faults, the seed and the duration of the finding; so
 # it is run without further options than those of the hunt.
 
-FILES = ("program", "actions", "events")
-"""Keys of a lab file that name a file relative to it."""
-
 
 def entries_of(lab: Lab, harms: Sequence[Harm]) -> list[dict[str, Any]]:
     """Return `harms` as entries of ``faults`` of a lab file, without those of the lab itself."""
@@ -275,26 +274,21 @@ def hunt_document(
 
 def lab_text(lab: Lab, finding: HuntFinding, folder: Path) -> str:
     """Return the text of a lab file in `folder` that repeats a finding: a line of JSON, which is YAML, for each key."""
-    value = read(lab.path).value
+    value: Any = read(lab.path).value
     assert isinstance(value, dict), "the lab has been loaded from this file"
-    value = value | {"seed": finding.seed, "duration": duration_s(lab, finding)}
-    for key in FILES:
-        if isinstance(value.get(key), str):
-            value[key] = _from(folder, lab.path.parent / str(value[key]))
-    radio = value.get("radio")
-    if isinstance(radio, dict) and isinstance(radio.get("key_file"), str):
-        value["radio"] = radio | {"key_file": _from(folder, lab.path.parent / str(radio["key_file"]))}
+    value |= {"seed": finding.seed, "duration": duration_s(lab, finding)}
+    for place, file in files_of(lab):
+        if place:  # the image of a map stays beside the map file
+            *above, key = place
+            part = reduce(getitem, above, value)
+            if key in part:  # what an option of the hunt names is in its command
+                part[key] = os.path.relpath(file.resolve(), folder.resolve())
     own = value.pop("faults", None)
     lines = [f"{key}: {json.dumps(part)}" for key, part in value.items()]
     faults = [json.dumps(each) for each in own] if isinstance(own, list) else []
     faults += [fault_line(entry) for entry in entries_of(lab, finding.harms)]
     head = f"# {finding.broken.name} at {finding.broken.at_s:.3f} s: {' '.join(finding.broken.words.split())}"
     return "\n".join([head, *lines, "faults:", *(f"  - {line}" for line in faults)]) + ("\n" if faults else " []\n")
-
-
-def _from(folder: Path, file: Path) -> str:
-    """Return the path of `file` relative to `folder`."""
-    return os.path.relpath(file.resolve(), folder.resolve())
 
 
 def budget_words(runs: int | None, time_ns: int | None) -> str:

@@ -118,6 +118,7 @@ class LabDraft:
             path=self.path,
             actions=None if spec.actions is None else folder / spec.actions,
             events=None if spec.events is None else folder / spec.events,
+            map_file=None if spec.map is None else folder / spec.map,
             key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
             mtls=spec.bus.security == "mtls",
             hosts=hosts_of(spec.hosts),
