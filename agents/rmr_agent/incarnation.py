@@ -42,9 +42,6 @@ from rmr_agent.clock import LabClock
 from rmr_agent.local_air import LocalAir
 from rmr_agent.program_updates import ProgramUpdates
 
-SLEEP_MAX_S: Final = 1.0
-"""The longest sleep: a bound on what a wrong `next_wake` could cost."""
-
 TURNS_MAX: Final = 4
 """Calls of the node in one go: what it sends may come due at once. More wait for the event loop's next round."""
 
@@ -378,7 +375,8 @@ class Incarnation:
             self.wake()
         else:
             self._wakes = wake
-            self._timer = self._loop.call_later(min(delay_s, SLEEP_MAX_S), self._turn)
+            # A second at most: a bound on what a wrong `next_wake` could cost.
+            self._timer = self._loop.call_later(min(delay_s, 1.0), self._turn)
 
 
 class Outlets:

@@ -117,7 +117,7 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     try:
         files = {"lab/program.rbc": octets, **_lab_files(found)}
         for share in shares:
-            files |= _FILES[engine](found, share, shares, opened)
+            files |= (_systemd if engine == "systemd" else _compose)(found, share, shares, opened)
         if output.exists() and (not output.is_dir() or any(output.iterdir())):
             print(f"rmr export: {output} is there already and not empty: name another folder", file=sys.stderr)
             return ExitCode.USAGE
@@ -276,8 +276,6 @@ def _compose(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bo
     text = yaml.safe_dump({"name": f"rmr-{lab.name}-{host.name}", "services": services}, sort_keys=False, width=1000)
     return {f"{host.name}/compose.yaml": text.encode()}
 
-
-_FILES = {"systemd": _systemd, "compose": _compose}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -32,14 +32,10 @@ from rmr_world.lab_program import LoadedProgram, load_program
 
 TRUTH_S: Final = 3.0
 """Limit for the world's news of all bodies, which come ten times a second."""
-RADIO_S: Final = 120.0
-"""Limit for a load over the radio: an hour of byte-code takes seconds, a silent robot ten."""
 RADIO_OCTETS_MAX: Final = 32 << 10
 """Larger programs are not distributed over the radio, where they would take minutes."""
 TICK_S: Final = 0.02
 """Longest sleep of the distributor."""
-BEGIN_S: Final = 2.0
-"""How long a load waits for lab time to begin: the world sets it less than a second ahead when all robots are ready."""
 
 Outcome = dict[str, Any]
 
@@ -151,7 +147,8 @@ async def distribute(
 
 async def _started(bus: Bus, keys: Keys, endpoint: str) -> wire.Disturbances:
     """Return what the world says, once lab time runs: when all robots are ready, its begin may be a moment ahead."""
-    end = time.monotonic() + BEGIN_S
+    # The world sets the beginning of lab time less than a second ahead when all robots are ready.
+    end = time.monotonic() + 2.0
     while True:
         told = await ask_world(bus, keys, wire.AskDisturbances("list", None), endpoint)
         if told.stamp >= 0 or time.monotonic() > end:
@@ -239,7 +236,8 @@ async def _over_radio(
     withdraw = bus.subscribe(keys.answers("*"), take)
     try:
         bus.publish(keys.load(by), wire.LoadOrder(program.octets, tuple(robots), named, dry))
-        answer = await asyncio.wait_for(told, RADIO_S)
+        # Over the radio a long program takes seconds, a silent robot ten.
+        answer = await asyncio.wait_for(told, 120.0)
     except TimeoutError:
         message = f"robot {by}, which was to distribute the program, has not answered: ask again with --dry-run"
         raise FleetError(message, ExitCode.FAILED) from None

@@ -43,14 +43,8 @@ KILL_PATIENCE_S = 2.0
 """Limit for a process to end after SIGKILL; only one inside an uninterruptible system call takes longer."""
 
 
-SAID_MAX = 5
-"""Error lines of each process that are shown at the end at most; all are in its log."""
-
 LAST_LINES = 8
 """Lines of a process's output in its exit report: the end of a traceback, or what led to the exit."""
-
-TAIL_OCTETS = 16_384
-"""Octets at the end of the output that are read to find those lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +208,7 @@ def last_lines(output: Path) -> list[str]:
     try:
         with output.open("rb") as file:
             size = file.seek(0, 2)
-            file.seek(max(0, size - TAIL_OCTETS))
+            file.seek(max(0, size - 16_384))  # enough to find those lines
             text = file.read().decode(errors="replace")
     except OSError:  # the run folder has been removed
         return []
@@ -227,4 +221,5 @@ def said(output: Path) -> list[str]:
         lines = output.read_text(errors="replace").splitlines()
     except OSError:
         return []
-    return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]
+    # The last ones are enough: all are in the process's log.
+    return [line for line in lines if " failed: " in line or "refused a process" in line][-5:]

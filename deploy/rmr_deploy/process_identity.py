@@ -10,15 +10,13 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-PID_MAX = 1 << 31
-
 
 def start_mark(pid: object) -> str | None:
     """Return a text that only this process of the id `pid` has; None if there is none, or it has ended.
 
     On Linux it is the boot's id and the start in clock ticks since the boot (proc(5)), elsewhere what ps(1) tells.
     """
-    if type(pid) is not int or not 0 < pid < PID_MAX:
+    if type(pid) is not int or not 0 < pid < 1 << 31:
         return None
     if sys.platform == "linux":
         fields = stat_fields(pid)

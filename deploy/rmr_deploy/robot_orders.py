@@ -40,9 +40,6 @@ DONE = {
 NAMES = {"crash": "fault kill", "stall": "fault stall", "slow": "fault slow", "outage": "fault outage"}
 """Orders that are another command than the verb of their name."""
 
-ENDING = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT})
-"""Signals after which the process ends."""
-
 
 def signal_number(text: str) -> int:
     """Return the number of ``TERM``, ``SIGTERM`` or ``15``. Raises ValueError."""
@@ -128,7 +125,8 @@ def _order(
         _stop(run, robot, timeout_s)
         return
     _ask(run, {"do": verb, "robot": robot, **more})
-    if verb == "kill" and more.get("signal") in ENDING:
+    # Signals after which the process ends.
+    if verb == "kill" and more.get("signal") in {signal.SIGKILL, signal.SIGTERM, signal.SIGINT}:
         _wait_for_end(run, robot, KILL_S)
 
 

@@ -27,8 +27,6 @@ from rmr.entry.files import unreadable
 LOOK_S = 0.5
 """How often it is looked at who is connected."""
 
-JOIN_S = 5.0
-"""How long zenoh may take to join a router that lets a client in; after that it is asked again."""
 
 log = logging.getLogger("rmr")
 
@@ -108,7 +106,8 @@ async def _follow(router: Router, endpoint: str, secret: Credentials | None) -> 
     while True:
         if other == router.id:
             raise BusError(f"{endpoint} is this router itself: name that of another host with --connect")
-        joins = time.monotonic() + JOIN_S
+        # How long zenoh may take to join a router that lets a client in; after that it is asked again.
+        joins = time.monotonic() + 5.0
         while other not in router.connected() and time.monotonic() < joins:
             await asyncio.sleep(LOOK_S)
         if other in router.connected():

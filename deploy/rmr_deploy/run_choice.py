@@ -16,9 +16,6 @@ from rmr_deploy.active_runs import (
     register_places,
 )
 
-RECORDINGS = ("run.mcap", "record")
-"""What a run leaves that can be shown: its recording, or the files that are not joined yet (`rmr.record.recording`)."""
-
 
 class FleetError(Exception):
     """A verb cannot be carried out: why, for people, and the exit code."""
@@ -60,7 +57,10 @@ def newest_folder(lab: str | None) -> Path | None:
     runs = [run for run in active_runs() if lab in (None, run.lab)]
     if runs:
         return runs[-1].folder
-    recorded = {path.parent: path.stat().st_mtime_ns for name in RECORDINGS for path in RUNS.glob(f"*/{name}")}
+    # A run can be shown by its recording, or by the files that are not joined yet (`rmr.record.recording`).
+    recorded = {
+        path.parent: path.stat().st_mtime_ns for name in ("run.mcap", "record") for path in RUNS.glob(f"*/{name}")
+    }
     newest = sorted(recorded, key=lambda folder: (recorded[folder], folder), reverse=True)
     return next((folder for folder in newest if lab in (None, _recorded_lab(folder))), None)
 

@@ -18,8 +18,6 @@ from rmr_deploy.run_choice import FleetError, chosen_run, shown
 from rmr_deploy.run_logs import last_event
 
 POLL_S = 0.02
-DOWN_S = 30.0
-"""Default limit for a launcher to stop its run in order; it takes five seconds, and longer to join a recording."""
 TERM_S = 2.0
 """Limit for a process without a launcher to exit after SIGTERM, and to end after SIGKILL."""
 
@@ -34,7 +32,8 @@ def bring_down(folder: Path | None, lab: str | None, *, everything: bool, timeou
     launchers = [run.launcher for run in runs if run.launcher is not None]
     for launcher in launchers:  # all at once
         _signal([launcher], signal.SIGTERM)
-    return max((_ended(run, DOWN_S if timeout_s is None else timeout_s) for run in runs), default=ExitCode.OK)
+    # To stop a run in order takes a launcher five seconds, and longer where it joins a recording.
+    return max((_ended(run, 30.0 if timeout_s is None else timeout_s) for run in runs), default=ExitCode.OK)
 
 
 def _ended(run: LaunchedRun, patience_s: float) -> int:

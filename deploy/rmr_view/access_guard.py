@@ -24,8 +24,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names under which the page may be opened."""
 TOKEN_HEADER = "x-rmr-token"
 SOCKET_TABLE = Path("/proc/net/tcp")
-SUPERUSER = 0
-"""The superuser can read everything anyway; sockets without an owner, such as closed ones, show it, too."""
 LOCAL, REMOTE, OWNER = 1, 2, 7
 """Columns of that table."""
 
@@ -75,7 +73,8 @@ class AccessGuard:
 def is_stranger(host: str, port: int, own_port: int) -> bool:
     """Return whether the client at `host`:`port` of the server at `own_port` belongs to another user."""
     owner = owner_of(host, port, own_port)
-    return owner is not None and owner not in {SUPERUSER, os.geteuid()}
+    # The superuser can read everything anyway; sockets without an owner, such as closed ones, show it, too.
+    return owner is not None and owner not in {0, os.geteuid()}
 
 
 def owner_of(host: str, port: int, own_port: int) -> int | None:

@@ -13,10 +13,6 @@ from rmr_view.run_source import RunSource
 
 PERIOD_S = 0.05
 """Period of the messages while there is a client: half of that of poses."""
-REFRESH_S_MIN = 0.04
-"""Least time between two refreshes."""
-CLOCK_PERIOD_S = 0.5
-"""Greatest time between two messages of the clock, while it runs."""
 BATCH_MAX = 500
 """Entries in one message at most."""
 
@@ -62,7 +58,7 @@ class Broadcast:
         """Take in what is new in the source, unless that was done a moment ago."""
         async with self._refreshing:
             now = asyncio.get_running_loop().time()
-            if now >= self._refreshed + REFRESH_S_MIN:
+            if now >= self._refreshed + 0.04:  # 25 times a second at most
                 self._refreshed = now
                 await self._source.refresh()
 
@@ -102,7 +98,8 @@ class Broadcast:
         now = asyncio.get_running_loop().time()
         state = {key: value for key, value in message.items() if key not in {"t", "end_s"}}
         known = {key: value for key, value in self._clock.items() if key not in {"t", "end_s"}}
-        if state != known or (message != self._clock and now >= self._clock_at + CLOCK_PERIOD_S):
+        # While the clock runs it is told every half second.
+        if state != known or (message != self._clock and now >= self._clock_at + 0.5):
             self._clock = message
             self._clock_at = now
             self._put_newest("clock", json_text(message))

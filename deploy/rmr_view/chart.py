@@ -15,8 +15,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 POINTS_MAX = 100_000
 """Points of one series at most: more than a figure can show, in a file of some megabytes."""
 SERIES_MAX = 40
-PANELS_MAX = 12
-"""Series of a panel, and panels of a figure, at most: more cannot be told apart."""
 PROBLEMS_MAX = 5
 """Errors of one file that are shown at most."""
 OCTETS_MAX = 64 << 20
@@ -101,7 +99,8 @@ class Figure(FigurePart):
     title: Text
     note: Text = ""
     """What stands below it: of how many runs, and what the bars are."""
-    panels: Annotated[list[Panel], Field(min_length=1, max_length=PANELS_MAX)]
+    # More cannot be told apart.
+    panels: Annotated[list[Panel], Field(min_length=1, max_length=12)]
 
 
 class FigureFile(BaseModel):

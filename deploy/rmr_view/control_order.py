@@ -19,8 +19,6 @@ from rmr_view.run_source import RequestRefusedError
 
 SPEED_MIN = 0.1
 SPEED_MAX = 100.0
-FOR_S_MAX = 86_400.0
-"""Length of a fault at most, seconds."""
 
 STEERING = frozenset({"pause", "resume", "step", "speed"})
 """Orders about the time of a simulated run; all others are faults."""
@@ -56,7 +54,7 @@ def _groups(value: Any, robots: Collection[int]) -> list[list[int]]:
     return value
 
 
-_FOR_S = _number(0.001, FOR_S_MAX)
+_FOR_S = _number(0.001, 86_400.0)  # length of a fault: a day at most
 
 ORDERS: dict[str, tuple[dict[str, Check], dict[str, Check]]] = {
     "pause": ({}, {}),

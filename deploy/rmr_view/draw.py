@@ -19,8 +19,6 @@ MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":")
 HATCHES = ("", "////", "xx", "----")
 PANEL_INCHES = (4.4, 3.6)
-ALONE_INCHES = (7.0, 4.2)
-CHARACTERS_PER_INCH = 15
 STYLE: Any = {
     "svg.hashsalt": "rmr",
     "svg.fonttype": "none",
@@ -48,8 +46,8 @@ def _draw(figure: Figure, path: Path) -> None:
     from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
 
     count = len(figure.panels)
-    width, height = ALONE_INCHES if count == 1 else (PANEL_INCHES[0] * count, PANEL_INCHES[1])
-    note = fill(figure.note, round(width * CHARACTERS_PER_INCH))
+    width, height = (7.0, 4.2) if count == 1 else (PANEL_INCHES[0] * count, PANEL_INCHES[1])
+    note = fill(figure.note, round(width * 15))  # characters per inch
     with mpl.rc_context(STYLE):
         # Height of one line of the note, inches.
         canvas = Canvas(figsize=(width, height + 0.16 * (note.count("\n") + 1)), layout="constrained")

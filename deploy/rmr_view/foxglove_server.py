@@ -154,13 +154,9 @@ QUEUE_MAX: Final = 500
 """Messages that wait for a client at most, a second of 50 robots or more."""
 TEXTS_MAX: Final = 100
 """Answers that wait for a client at most: one that asks and does not read gets no more."""
-REQUEST_MAX: Final = 1 << 16
-"""Octets of a client's request at most."""
 SUBSCRIPTIONS_MAX: Final = 1_000
 """Subscriptions of a client at most."""
 WARNING: Final = 1
-_LOGGER: Final = logging.Logger("rmr.foxglove", logging.CRITICAL)
-"""Connections that fail or are refused are no matter for the terminal."""
 TRY_AGAIN_LATER: Final = 1013
 
 
@@ -219,12 +215,13 @@ class FoxgloveServer:
         """Serve on a listening socket until cancelled."""
         # Octets that the system holds for a client: with its own choice, megabytes, a slow client would be far behind.
         sock.setsockopt(SOL_SOCKET, SO_SNDBUF, 1 << 17)
+        # Connections that fail or are refused are no matter for the terminal.
         options: Any = {
             "subprotocols": SUBPROTOCOLS,
             "origins": ORIGINS,
-            "max_size": REQUEST_MAX,
+            "max_size": 1 << 16,  # octets of a client's request
             "compression": None,
-            "logger": _LOGGER,
+            "logger": logging.Logger("rmr.foxglove", logging.CRITICAL),
         }
         async with serve(self._serve, sock=sock, **options):
             told = self._clock()

@@ -17,8 +17,6 @@ from rmr_view.run_source import RunSource
 from rmr_view.web_app import RunRoutes, make_app
 
 LOOPBACK_ADDRESS = "127.0.0.1"
-STOP_S_MAX = 3.0
-"""Limit for the server to end its connections."""
 BACKLOG = 128
 
 
@@ -98,5 +96,5 @@ class PageServer:
     def stop(self) -> None:
         """End the server and its connections."""
         self._server.should_exit = True
-        self._thread.join(STOP_S_MAX)
+        self._thread.join(3.0)  # in which the server ends its connections
         self._listener.close()

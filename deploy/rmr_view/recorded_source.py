@@ -21,8 +21,6 @@ from rmr_view.recorded_messages import entries_of, take, take_into_timeline
 from rmr_view.run_history import RunHistory
 from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunClock, WhyOptions
 
-KEPT_TOPICS = ("/tf", "/tf_estimates", "/routes", "/status", "/faults")
-"""Channels that are read once and kept."""
 TIMELINE_TOPIC = "/trace"
 EMPTY_FLOOR = {"width": 1.0, "height": 1.0, "cell": 0.05, "obstacles": [], "areas": [], "beacons": [], "bottleneck": []}
 """Where a recording has lost its floor."""
@@ -62,7 +60,8 @@ class RecordedSource:
 
     def _load(self) -> None:
         with self._reading:
-            for message in self._recording.messages((*KEPT_TOPICS, TIMELINE_TOPIC)):
+            kept = ("/tf", "/tf_estimates", "/routes", "/status", "/faults", TIMELINE_TOPIC)
+            for message in self._recording.messages(kept):
                 if message.topic == TIMELINE_TOPIC:
                     take_into_timeline(self.history, message.at, message.data)
                 else:

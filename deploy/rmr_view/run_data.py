@@ -17,8 +17,6 @@ from rmr.record.mcap_scan import RecordingError
 from rmr.record.recording import Message, Recording
 from rmr_view.turn_intervals import TurnIntervals
 
-TOPICS = ("/tf", "/trace", "/frames", "/faults")
-"""The channels that pictures need."""
 POSES_MAX = 6_000
 """Poses kept of each robot; of more every second one is dropped, and so on."""
 BINS_MAX = 240
@@ -162,7 +160,7 @@ def run_data(recording: Recording) -> RunData:
         raise RecordingError(f"the floor in the recording (floor.json) is damaged: {error}") from error
     about = recording.about
     data = RunData(about.lab, about.mode, about.seed, plain, about.roster)
-    return read_run(data, recording.messages(TOPICS))
+    return read_run(data, recording.messages(("/tf", "/trace", "/frames", "/faults")))
 
 
 def read_run(data: RunData, messages: Iterable[Message]) -> RunData:

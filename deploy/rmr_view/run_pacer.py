@@ -13,8 +13,6 @@ from typing import Any
 
 from rmr.base.time import TICK_S
 
-LAG_S_MAX = 0.25
-"""Lag behind wall time that is caught up with; a run that cannot keep its speed does not race later."""
 WAIT_S_MAX = 0.2
 """Greatest time of one wait: Ctrl-C is noticed in between."""
 
@@ -44,7 +42,8 @@ class RunPacer:
     def tick(self) -> None:
         """Carry out what was ordered, and wait until the next tick may begin."""
         with self._condition:
-            self._due = max(self._due + TICK_S / self._speed, time.monotonic() - LAG_S_MAX)
+            # A quarter of a second is caught up with; a run that cannot keep its speed does not race later.
+            self._due = max(self._due + TICK_S / self._speed, time.monotonic() - 0.25)
             while True:
                 self._carry_out()
                 if self._stopped or self._may_go_on():

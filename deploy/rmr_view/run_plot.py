@@ -12,8 +12,6 @@ from rmr_view.animation import animation
 from rmr_view.run_data import RunData, run_data
 from rmr_view.run_pictures import PICTURES
 
-NO_PILLOW = "rmr plot: a GIF needs Pillow: pip install 'rmr-robots[plot]', or write FILE.svg, which needs nothing"
-
 
 def perform_run(run: Path, output: Path | None, animate: Path | None, speed: float | None) -> int:
     """Draw the pictures of `run` into the folder `output`, or its animation into `animate`; return the exit code."""
@@ -64,7 +62,10 @@ def _write_film(data: RunData, path: Path, speed: float | None) -> int:
         try:
             from rmr_view.gif_film import film_of  # noqa: PLC0415 - Pillow is optional
         except ImportError:
-            print(NO_PILLOW, file=sys.stderr)
+            print(
+                "rmr plot: a GIF needs Pillow: pip install 'rmr-robots[plot]', or write FILE.svg, which needs nothing",
+                file=sys.stderr,
+            )
             return ExitCode.FAILED
         octets = film_of(data, speed)
     else:

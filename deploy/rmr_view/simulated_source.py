@@ -30,12 +30,6 @@ from rmr_world.faults import fault_entry
 
 POSE_PERIOD = NS_PER_S // 10
 """Period of the samples of a track, in lab time."""
-SHOW_S = 0.04
-"""Period of the poses that are shown live, in wall time."""
-TAPPED = frozenset({"/frames", "/log", "/routes", "/status"})
-"""Channels of the recording that are passed on to the page."""
-ROUTE_MAX = 200
-"""Points of a route at most."""
 FIRED_MAX = 50
 """Firings, actions and achieved goals that are listed at most, the newest."""
 
@@ -61,7 +55,7 @@ class SimulatedSource:
         self._writer = writer
         self._minds = None if writer is None else MindWorker(writer.path)
         if writer is not None:
-            writer.tap(TAPPED, self._recorded)
+            writer.tap(frozenset({"/frames", "/log", "/routes", "/status"}), self._recorded)
         self._report: Mapping[str, Any] | None = None
         self._over = False
         self._entries = 0
@@ -85,7 +79,7 @@ class SimulatedSource:
             self.history.add_poses(t, self._poses())
             for robot, pose in self._estimates().items():
                 self.history.add_estimate(t, robot, pose)
-        elif time.monotonic() >= self._shown + SHOW_S or not self._pacer.running:
+        elif time.monotonic() >= self._shown + 0.04 or not self._pacer.running:
             self._shown = time.monotonic()
             self.history.set_newest(t, self._poses())
         if news := simulation.new_entries(self._entries):
@@ -222,7 +216,7 @@ class SimulatedSource:
             "facts": node.machine.facts(),
             "sensed": sensed_facts(node.machine),
             "goals": node.machine.goals(),
-            "route": None if route is None else [list(point) for point in route.points[:ROUTE_MAX]],
+            "route": None if route is None else [list(point) for point in route.points[:200]],
             "pose": tuple(self._simulation.world.pose(robot)),
             "estimate": None if pose is None else tuple(pose),
         }

@@ -10,7 +10,7 @@ its constructor is plain assignment: immutability is checked by the type checker
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from operator import attrgetter
-from typing import Any, Final, TypeVar, dataclass_transform
+from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
@@ -21,8 +21,6 @@ class _Pattern:
 
 
 [_PATTERN] = fields(_Pattern)
-_FIELDS: Final = "__dataclass_fields__"
-"""The attribute in which `dataclasses` stores the fields of a class."""
 
 
 @dataclass_transform(frozen_default=True)
@@ -32,6 +30,7 @@ def record(cls: type[T]) -> type[T]:
     defaults = {name: cls.__dict__[name] for name in names if name in cls.__dict__}
     own = {key: value for key, value in cls.__dict__.items() if key not in {*names, "__dict__", "__weakref__"}}
     values = attrgetter(*names) if names else _nothing
+    # `dataclasses` finds the fields of a class there.
     made = {
         "__slots__": names,
         "__match_args__": names,
@@ -41,7 +40,7 @@ def record(cls: type[T]) -> type[T]:
         ),
         "__hash__": lambda self: values(self).__hash__(),
         "__repr__": _shown,
-        _FIELDS: {name: _field(name, kind) for name, kind in cls.__annotations__.items()},
+        "__dataclass_fields__": {name: _field(name, kind) for name, kind in cls.__annotations__.items()},
     }
     again: type[T] = type(cls.__name__, cls.__bases__, own | made)
     return again

@@ -73,9 +73,6 @@ ALERTS: Final = {
 }
 """End of the name of a TLS alert -> what a listener that sends it means."""
 
-ANSWER_OCTETS_MAX: Final = 1024
-"""Octets of an answer that are read at most: an InitAck has some 75, a Close has 2."""
-
 
 def refusal(endpoint: str, secret: Credentials | None) -> str | None:
     """Return why a client with this `secret` is not let in at `endpoint`, and what to do; None where it is not refused.
@@ -150,7 +147,8 @@ def _first_answer(endpoint: str) -> int | None:
     with connection:
         try:
             connection.sendall(len(asked).to_bytes(LENGTH_OCTETS, "little") + asked)
-            answer = connection.recv(ANSWER_OCTETS_MAX)
+            # An InitAck has some 75 octets, a Close has 2.
+            answer = connection.recv(1024)
         except TimeoutError:
             return SILENT
         except OSError:

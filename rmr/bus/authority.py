@@ -63,9 +63,6 @@ NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 SUBJECT_LENGTH_MAX: Final = 56
 """Longest name of a holder: X.509 allows 64 characters, of which a number may take some."""
 
-OWN_HOSTS: Final = ("localhost", "127.0.0.1", "::1")
-"""Names under which the processes of its own machine reach a listener."""
-
 
 @dataclass(frozen=True, slots=True)
 class Issued:
@@ -335,7 +332,8 @@ def _names(who: Holder, hosts: Sequence[str]) -> list[x509.GeneralName]:
     names: list[x509.GeneralName] = [x509.UniformResourceIdentifier(f"{URI_SCHEME}{who.subject}")]
     if who.role in LISTENERS:
         own = [who.name] if who.role == "router" else []
-        for host in dict.fromkeys([*own, *hosts, *OWN_HOSTS]):
+        # By the last three the processes of its own machine reach a listener.
+        for host in dict.fromkeys([*own, *hosts, "localhost", "127.0.0.1", "::1"]):
             try:
                 names.append(x509.IPAddress(ipaddress.ip_address(host)))
             except ValueError:

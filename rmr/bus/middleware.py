@@ -40,8 +40,6 @@ HANDSHAKE_MS = 1500
 
 
 ECHO_S = 3.0
-ECHO_PAUSE_S = 0.01
-"""Limit for a client's own message to come back through its router, and the pause between its repeats."""
 
 
 class InUseError(BusError):
@@ -243,7 +241,8 @@ def _heard(speaker: Any, listener: Any, keys: Collection[str], enough: Collectio
     while not heard.issuperset(enough) and time.monotonic() < end_s:
         for key in set(keys) - heard:
             speaker.put(key, b"")  # again: the router may have heard of the subscriber since
-        came.wait(ECHO_PAUSE_S)
+        # So long its own message may take to come back through the router; then it is repeated.
+        came.wait(0.01)
         came.clear()
     for ear in ears:
         ear.undeclare()

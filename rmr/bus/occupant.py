@@ -11,13 +11,10 @@ from rmr.bus.session import open_bus
 ASK_S = 1.0
 """Limit for the answer of a world."""
 
-ANY_ADDRESS = "0.0.0.0", "[::]"
-"""Wildcard hosts: valid for listening, not for connecting."""
-
 
 async def who_listens(endpoint: str, credentials: Credentials | None = None) -> str:
     """Return who listens at `endpoint`, as far as a process with these `credentials` is told, and what to do."""
-    for host in ANY_ADDRESS:
+    for host in ("0.0.0.0", "[::]"):  # wildcard hosts: valid for listening, not for connecting
         endpoint = endpoint.replace(f"/{host}:", "/127.0.0.1:")
     try:
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=credentials if is_tls(endpoint) else None)

@@ -146,10 +146,6 @@ _JOB: Final = fields(
     },
     {"cause": optional(text)},
 )
-_SCHEDULE: Final = fields(
-    {"event": text, "leader": robot, "term": count, "order": each(robot), "formed_s": number},
-)
-_COUNTERS: Final = fields({}, {"lost": count, "malformed": count, "excess": each(group(integer, count))})
 
 PART: Final[dict[str, Check]] = {
     "finish_s": optional(number),
@@ -168,8 +164,10 @@ PART: Final[dict[str, Check]] = {
     "ticks": count,
     "ticks_late": count,
     "tasks_skipped": count,
-    "schedules": each(_SCHEDULE),
-    "bus": _COUNTERS,
+    "schedules": each(
+        fields({"event": text, "leader": robot, "term": count, "order": each(robot), "formed_s": number})
+    ),
+    "bus": fields({}, {"lost": count, "malformed": count, "excess": each(group(integer, count))}),
     "left_out": each(text),
     "log_cut_short": people,
     "late_samples": count,

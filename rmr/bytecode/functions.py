@@ -257,7 +257,6 @@ _JOINT_NUMBER = "of ints an int, else a float"
 _FLOATS = "floats, angles in radians"
 _ONE = (Takes.NUMBER,)
 _TWO = (Takes.NUMBER,) * 2
-_FOUR = (Takes.NUMBER,) * 4
 
 FUNCTIONS: tuple[Function, ...] = (
     Function("abs", "X", _ONE, Gives.NUMBER, abs, _JOINT_NUMBER, source="absolute", columns="absolute"),
@@ -275,7 +274,7 @@ FUNCTIONS: tuple[Function, ...] = (
     Function(
         "dist",
         "X1, Y1, X2, Y2",
-        _FOUR,
+        (Takes.NUMBER,) * 4,
         Gives.FLOAT,
         _distance,
         "the distance of two points",

@@ -11,9 +11,6 @@ import struct
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.conform import NESTING_MAX
 
-VARINT_OCTETS_MAX = 10
-"""Longest varint: ten groups of seven bits hold 64 bits."""
-
 FALSE, TRUE, INT, FLOAT, STRING, SYMBOL, ROBOT, LIST = range(8)
 """Tags of encoded values."""
 
@@ -107,7 +104,7 @@ class Reader:
     def varint(self) -> int:
         """Take an unsigned number of at most 64 bits."""
         number = 0
-        for place in range(VARINT_OCTETS_MAX):
+        for place in range(10):  # ten groups of seven bits hold 64 bits
             octet = self.octet()
             number |= (octet & 0x7F) << 7 * place
             if octet < 0x80:

@@ -71,9 +71,6 @@ FLEET: dict[str, str] = {
 }
 """The verbs that show and steer a lab that runs, and their summaries."""
 
-FLEET_FUNCTION = "rmr_deploy.fleet:main"
-"""Carries out all of them."""
-
 
 class OtherPackage(NamedTuple):
     """A subcommand of a package that this one does not depend on: `function` is ``module:name``."""
@@ -117,7 +114,7 @@ def _subcommand(name: str, heading: str) -> Subcommand:
     if name in COMMANDS:
         return Subcommand(COMMANDS[name], partial(_own, name), heading)
     if name in FLEET:
-        return Subcommand(FLEET[name], partial(OtherPackage, FLEET_FUNCTION, name), heading)
+        return Subcommand(FLEET[name], partial(OtherPackage, "rmr_deploy.fleet:main", name), heading)
     function, summary = PROGRAMS[name]
     return Subcommand(summary, partial(OtherPackage, function), heading)
 

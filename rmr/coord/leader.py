@@ -10,8 +10,6 @@ has changed in them can wait: a robot whose slot is not near may not enter under
 as robots pass, and not as all that pass later are shifted.
 """
 
-from typing import Final
-
 from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
@@ -23,9 +21,6 @@ from rmr.coord.messages import OVER, PARTS_MAX, Beacon, Entry, Job, PathPart, Ph
 from rmr.coord.states import Role
 from rmr.coord.term import NOBODY, Term, successor
 from rmr.coord.timing import MS, PAYLOAD_MAX
-
-_WHOLE_PARTS: Final = 2
-"""Schedules of more parts than this are not sent whole each time."""
 
 
 def begin(c: Context, now: Instant, heir: bool = False) -> None:
@@ -233,7 +228,7 @@ def issue(c: Context, now: Instant) -> None:
 
 def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
     """Return those of `parts` that are sent now: what changes soon for a robot at once, the others in turn."""
-    if len(parts) <= _WHOLE_PARTS:
+    if len(parts) <= 2:  # longer ones are not sent whole each time
         return parts
     held = c.held
     soon = now + c.timing.schedule.soon

@@ -31,9 +31,6 @@ from rmr import __version__
 from rmr.entry import ExitCode
 from rmr.entry.completion import VARIABLE, DeclaredWords, complete
 
-WIDTH_MAX = 100
-"""Columns of a help text at most: longer lines are hard to read."""
-
 DIGITS_MAX = 18
 """Digits of a whole number at most: what fits 64 bits, and far from where Python refuses to convert."""
 
@@ -373,6 +370,6 @@ def _wrapped(text: str) -> str:
     """Return `text` with its paragraphs wrapped to the terminal; indented lines and lists of commands stay."""
     import textwrap
 
-    width = min(_columns(), WIDTH_MAX) - 2
+    width = min(_columns(), 100) - 2  # longer lines are hard to read
     paragraphs = text.split("\n\n")
     return "\n\n".join(each if "\n  " in each else textwrap.fill(" ".join(each.split()), width) for each in paragraphs)

@@ -51,8 +51,6 @@ second, so the bound ends it after about a minute."""
 FRAMES_MAX = 200_000
 """Program frames of one run (facts, goals, actions, their results); each robot adds 1 % (`most`). A frame costs as much
 as ten firings."""
-TURN_MIN: Duration = milliseconds(10)
-"""Least length of a slot, for actions that take no time: the resolution of schedules."""
 LOOK_EVERY = 256
 """Calls between two polls of the caller: progress, and whether the run is to stop."""
 UNDELIVERED_MAX = 64
@@ -203,6 +201,7 @@ class Ensemble:
     def make_node(self, robot: int, link: Any, epoch: int = 0, ended: Instant | None = None) -> Node:
         """Return the node of `robot`."""
         conditions = self.conditions
+        # Where actions take no time a slot is as long as the resolution of schedules.
         config = NodeConfig(
             robot,
             conditions.robots.keys(),
@@ -212,7 +211,7 @@ class Ensemble:
             epoch=epoch,
             predecessor_ended=ended,
             trace=TraceLevel.NOTES if self._sink is None else TraceLevel.FIRINGS,
-            turn=max(self.acting.longest, TURN_MIN),
+            turn=max(self.acting.longest, milliseconds(10)),
             engine=conditions.engine,
             shared_repeats=_shared_repeats(conditions.loss),
         )

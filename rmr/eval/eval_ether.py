@@ -26,8 +26,6 @@ HOPS_AT_ONCE_MAX = 1000
 """Longest chain of answers within one instant: a flood through a thousand robots in a line needs as many."""
 LATENCY: Duration = milliseconds(5)
 """The usual latency, also the least one once the robots have answered each other without end."""
-RSSI_DBM = -40.0
-"""Signal strength of every reception, in dBm; the emulated links have no path loss."""
 LQI = 255
 """Link quality of every reception: the best value of IEEE 802.15.4."""
 
@@ -218,7 +216,8 @@ class EvalEther:
             self.pending += len(arriving)
             self.carried += len(arriving)
         at = now + self._latency
-        arrive = partial(self._arrive, Received(payload, source, unicast, RSSI_DBM, LQI, at), hops, arriving)
+        # Every reception is of the same strength, in dBm: the emulated links have no path loss.
+        arrive = partial(self._arrive, Received(payload, source, unicast, -40.0, LQI, at), hops, arriving)
         self._kernel.at(at, RADIO, arrive)
 
     def _arrive(self, frame: Received, hops: int, receivers: list[int], now: Instant) -> None:

@@ -72,9 +72,6 @@ class Failing:
     """Text of the option."""
 
 
-NO_FACTS = FactsFile(SourceText("", ""))
-
-
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """The options whose check needs the program."""
@@ -115,7 +112,7 @@ def read_given(wanted: Wanted) -> Given:
         InvalidBytecodeError: the program is byte-code and cannot be run.
     """
     inserted = [_inserted(text) for text in wanted.inserts]
-    file = NO_FACTS if wanted.facts is None else _read_facts(wanted.facts)
+    file = FactsFile(SourceText("", "")) if wanted.facts is None else _read_facts(wanted.facts)
     edges = {wanted.edges: True} if wanted.edges is not None else {}
     if wanted.edges is not None and _NAME.fullmatch(wanted.edges) is None:
         raise OptionError(f"--edges: {shown(wanted.edges)} is no name of a predicate; write a name such as edge")

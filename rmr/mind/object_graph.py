@@ -36,7 +36,6 @@ from rmr.mind.graph_restoration import PACKAGE, UNSET, GraphMismatchError, Resto
 _ATOMS: Final = (type(None), bool, float, str, bytes)
 _CONTAINERS: Final = (tuple, list, dict, set, frozenset, deque, bytearray, str, int, float, bytes, Random)
 """Types whose subclasses hold more than their attributes."""
-_INT_END: Final = 1 << 64
 _LEAF: Final = ["leaf"]
 
 
@@ -88,7 +87,7 @@ class GraphWalk:
         if kind in _ATOMS:
             return value
         if kind is int:
-            return value if INT_MIN <= value < _INT_END else ["int", str(value)]
+            return value if INT_MIN <= value < 1 << 64 else ["int", str(value)]
         if kind is Symbol:
             return ["symbol", str(value)]
         if kind is Robot:

@@ -32,8 +32,6 @@ from rmr.node.program_change import ProgramChanged
 from rmr.node.trace import EVENTS, Trace, TraceLevel
 
 _WORDS: Final = {word: number for number, word in enumerate(EVENTS)}
-_UNLOGGED: Final = ("fired", "inserted", "removed")
-"""Words of the trace whose entries depend on its level."""
 _pack_state: Final[Callable[..., bytes]] = Struct("<qqqqdddd").pack
 _pack_peer: Final[Callable[..., bytes]] = Struct("<Iqddd").pack
 
@@ -128,7 +126,8 @@ class RecordedTrace(Trace):
 
     def note(self, now: Instant, what: str, **fields: Any) -> None:
         """Note that `what`, a word of `EVENTS`, has happened."""
-        if self._noted and what not in _UNLOGGED:
+        # Whether there are entries of these depends on the level of the trace.
+        if self._noted and what not in ("fired", "inserted", "removed"):
             self._log.note(_WORDS[what], f"{now} {fields}".encode("utf-8", "backslashreplace"))
         super().note(now, what, **fields)
 

@@ -54,9 +54,6 @@ AIR_MAX: Final = 256
 """Transmissions kept at most; `LOCK_HISTORY` of a full channel holds a few dozen. The oldest are dropped first."""
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 
-ASSESSMENTS_MAX: Final = 16
-"""Assessments with a clear channel that are kept, to detect late announcements that contradict them."""
-
 
 class _Heard(Signal):
     """An announcement with the power that this station receives."""
@@ -123,7 +120,8 @@ class Station:
         self._due: list[_Heard] = []
         self._deaf: list[Interval] = []
         self._receive_filter = ReceiveFilter(address, pan, self.counters, security)
-        self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
+        # Assessments with a clear channel, to detect late announcements that contradict them.
+        self._assessed: deque[Instant] = deque(maxlen=16)
         self._out: list[Output] = []
 
     @property

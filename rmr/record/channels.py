@@ -18,8 +18,6 @@ _WHOLE: Final = {"type": "integer"}
 _TEXT: Final = {"type": "string"}
 _PERHAPS_NUMBER: Final = {"type": ["number", "null"]}
 _PERHAPS_WHOLE: Final = {"type": ["integer", "null"]}
-_PERHAPS_TEXT: Final = {"type": ["string", "null"]}
-_POINTS: Final = {"type": "array", "items": {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}}
 
 
 class RecordChannel(NamedTuple):
@@ -76,7 +74,10 @@ CHANNELS: Final = (
         "json",
         "robot",
         "route that a robot has planned, in metres, when it changes; without points when it has none any more",
-        {"robot": _WHOLE, "points": _POINTS},
+        {
+            "robot": _WHOLE,
+            "points": {"type": "array", "items": {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}},
+        },
     ),
     RecordChannel(
         "/frames",
@@ -96,7 +97,7 @@ CHANNELS: Final = (
             "start_s": _PERHAPS_NUMBER,
             "end_s": _PERHAPS_NUMBER,
             "attempt": _WHOLE,
-            "outcome": _PERHAPS_TEXT,
+            "outcome": {"type": ["string", "null"]},
         },
     ),
     RecordChannel(

@@ -21,7 +21,6 @@ LEVELS: Final = {"debug": 1, "info": 2, "warning": 3, "error": 4, "critical": 5}
 
 _LEVEL: Final = {"x": 0, "y": 0, "z": 0, "w": 1}
 _BODY: Final = {"r": 0.16, "g": 0.42, "b": 0.72, "a": 1.0}
-_VIEW: Final = {"r": 0.16, "g": 0.42, "b": 0.72, "a": 0.2}
 _WALL: Final = {"r": 0.35, "g": 0.35, "b": 0.38, "a": 1.0}
 _AREA: Final = {"r": 0.2, "g": 0.6, "b": 0.3, "a": 0.5}
 _BEACON: Final = {"r": 0.85, "g": 0.55, "b": 0.1, "a": 1.0}
@@ -248,7 +247,7 @@ def _robot(arena: Arena, robot: int) -> dict[str, Any]:
         robot_frame(robot),
         robot_frame(robot),
         cylinders=[_cylinder(0.0, 0.0, shape.radius, ROBOT_HEIGHT_M, _BODY)],
-        triangles=[_triangles(cone, _VIEW)],
+        triangles=[_triangles(cone, {"r": 0.16, "g": 0.42, "b": 0.72, "a": 0.2})],
         arrows=[nose],
         texts=[_text(0.0, 0.0, ROBOT_HEIGHT_M + 0.05, str(robot))],
     )

@@ -174,9 +174,6 @@ CONTENT_OCTETS_MAX: Final = 1 << 24
 """Bound of a record that is read whole; chunks and attachments have bounds of their own."""
 CHUNK_OCTETS_MAX: Final = 1 << 28
 """Bound of a chunk's records: a damaged length does not use up the memory."""
-_CHUNK_HEAD_OCTETS: Final = CHUNK_HEAD.size + 4 + 16 + 8
-"""Octets at the beginning of a chunk that hold all but its data; names of compressions are short."""
-_ATTACHMENT_HEAD_OCTETS: Final = 4096
 
 
 class RecordingError(Exception):
@@ -325,7 +322,8 @@ class McapScan:
             self.metadata[name] = values
 
     def _chunk(self, offset: int, length: int) -> ChunkSpan:
-        head = self._read(offset, min(length, _CHUNK_HEAD_OCTETS))
+        # What holds all of a chunk but its data: names of compressions are short.
+        head = self._read(offset, min(length, CHUNK_HEAD.size + 4 + 16 + 8))
         if len(head) < CHUNK_HEAD.size:
             raise FormatError("a chunk without its head")
         begin, end, size, crc = CHUNK_HEAD.unpack_from(head)
@@ -339,7 +337,7 @@ class McapScan:
         return ChunkSpan(offset + inside, data, begin, end, size, crc, compression)
 
     def _attachment(self, offset: int, length: int) -> None:
-        head = self._read(offset, min(length, _ATTACHMENT_HEAD_OCTETS))
+        head = self._read(offset, min(length, 4096))
         content = Content(head)
         content.octets(16)
         name = content.text()

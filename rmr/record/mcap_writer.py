@@ -17,7 +17,6 @@ from rmr.record.mcap_format import HEAD, MAGIC, MESSAGE_FIXED, MESSAGE_HEAD, Rec
 
 PROFILE: Final = "rmr"
 COMPRESSION: Final = "zstd"
-COMPRESSION_LEVEL: Final = 1
 _INSTANT: Final = itemgetter(0)
 _MESSAGE: Final = int(RecordCode.MESSAGE)
 _HEAD_OCTETS: Final = HEAD.size
@@ -41,7 +40,7 @@ class McapWriter:
         self._position = 0
         self._crc = 0
         """Checksum of all that has been written."""
-        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL, write_content_size=True)
+        self._compressor = zstandard.ZstdCompressor(level=1, write_content_size=True)
         self._schemas: dict[str, int] = {}
         self._repeated: list[bytes] = []
         """Schema records, then channel records, for the summary."""

@@ -13,10 +13,6 @@ from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, seconds
 from rmr.record.foxglove_messages import estimate_frame, robot_frame, transforms_json
 from rmr.record.record_writer import RecordWriter
 
-ESTIMATES_EVERY: Final[Duration] = NS_PER_S // 10
-"""Least time between two estimates of one robot."""
-STATUS_EVERY: Final[Duration] = NS_PER_S
-"""Least time between two states of one robot."""
 SLACK: Final[Duration] = 1_000
 """Ticks begin at whole nanoseconds: six of them may be a little shorter than a tenth of a second."""
 POSES_TICKS: Final = TICK_HZ // 10
@@ -56,7 +52,7 @@ class RobotObserver:
 
     def look(self, now: Instant, pose: Pose | None, points: Sequence[Point] | None) -> None:
         """Take the robot's estimated pose and the points of its route, the same object while it is the same route."""
-        self.look_due = now + ESTIMATES_EVERY - SLACK
+        self.look_due = now + NS_PER_S // 10 - SLACK
         if pose is not None and pose is not self._pose and pose != self._pose:
             self._pose = pose
             estimate = (self._frame, pose.x, pose.y, pose.theta)
@@ -72,7 +68,7 @@ class RobotObserver:
 
     def status(self, now: Instant, status: Mapping[str, Any]) -> None:
         """Take the robot's state."""
-        self._status_due = now + STATUS_EVERY
+        self._status_due = now + NS_PER_S
         if status != self._status:
             self._status = status
             self.writer.write("/status", now, status)

@@ -7,8 +7,6 @@ from rmr.base.time import Duration, in_seconds
 from rmr.why.delay import Delay, Interval, TimeOwner, steps_of
 from rmr.why.robot_history import LostDelivery
 
-LARGEST: Final = 3
-"""Owners that a line on one of many missed deadlines names."""
 UNDELIVERED_SHOWN: Final = 3
 """Deliveries that were given up of which the text tells."""
 
@@ -89,8 +87,7 @@ def delays_text(delays: Sequence[Delay], run: str) -> str:
     if not delays:
         return "no deadline was missed\n"
     lines = [
-        f"{delay.job.name}@{delay.robot}  {_outcome(delay)}: "
-        + ", ".join(_short(share) for share in shares(delay)[:LARGEST])
+        f"{delay.job.name}@{delay.robot}  {_outcome(delay)}: " + ", ".join(_short(share) for share in shares(delay)[:3])
         for delay in delays
     ]
     first = delays[0]

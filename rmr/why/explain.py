@@ -38,8 +38,6 @@ from rmr.why.why_tree import RuleFiring, WhyNode
 
 DEPTH: Final = 3
 """Levels below the root that are shown."""
-CHILDREN_MAX: Final = 40
-"""Children of a node that are shown: an aggregate may rest on thousands of facts."""
 
 SENSES: Final = {
     "at": "sensed by localisation",
@@ -108,7 +106,8 @@ class Explainer:
             node.cut = True
         else:
             self._shown.add(key)
-            shown = because.premises[:CHILDREN_MAX]
+            # An aggregate may rest on thousands of facts.
+            shown = because.premises[:40]
             node.omitted = len(because.premises) - len(shown)
             node.children = [self.tree(each, depth - 1) for each in shown]
         return node

@@ -17,7 +17,6 @@ from rmr.why.past_items import TurnGate
 from rmr.why.robot_history import RobotHistory
 
 NOT_ASKED = "it had not asked for a turn yet"
-NO_SCHEDULE = "nobody had a schedule yet; "
 NOT_NAMED = "with slots while no schedule named the robot yet"
 ONLY_PASSED = "no schedule named the robot yet; all that had slots had passed"
 NOT_HEARD = "a schedule named the robot; it had not heard of that yet"
@@ -113,7 +112,7 @@ class _Turn:
             known, order = _newest(orders, since)
             if not orders or since < orders[0][0]:
                 made = f"robot {orders[0][1].leader} made the first one" if orders else "none was made"
-                parts.append(Wait(since, until, (), NO_SCHEDULE + made))
+                parts.append(Wait(since, until, (), "nobody had a schedule yet; " + made))
             elif self._robot in order:
                 parts.append(Wait(since, until, (), NOT_HEARD))
             else:

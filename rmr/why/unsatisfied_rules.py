@@ -38,8 +38,6 @@ from rmr.why.why_tree import AbsenceNode
 
 ROBOTS_SHOWN: Final = 3
 """Robots shown of those that could fire a rule for another one: those that came nearest."""
-OTHERS_MAX: Final = 12
-"""Robots among which a missing fact is looked for; each has to be replayed first."""
 NEAR_SHOWN: Final = 3
 """Other facts of the predicate, and other robots, that are shown for a missing fact."""
 
@@ -232,7 +230,8 @@ class UnsatisfiedRules:
         if self._program.predicates[atom.predicate].provided:
             return ""
         holders = []
-        for robot in self._past.near(OTHERS_MAX):
+        # Twelve robots at most, for each has to be replayed first.
+        for robot in self._past.near(12):
             other = self._past.mind_at(robot, self._now)
             if other is not None and robot != mind.robot:
                 held = other.held(atom.predicate, self._now)

@@ -11,7 +11,6 @@ ROWS_MAX = 40
 """Characters upwards."""
 ASPECT = 2.0
 """Height of a character over its width."""
-OBSTACLE = "#"
 LINE_STEPS = 200
 """Points of a line that are marked: more than there are characters across."""
 
@@ -51,4 +50,4 @@ def text_map(
 
 
 def _floor(arena: Arena, x: float, y: float) -> str:
-    return OBSTACLE if arena.clearance(x, y) <= 0.0 else " "
+    return "#" if arena.clearance(x, y) <= 0.0 else " "

@@ -29,8 +29,6 @@ COMMAND_AGE_MAX: Final[Duration] = milliseconds(100)
 """Age at which a command is dropped, and time after the last one until the bridge says zero, as in the physics."""
 HISTORY: Final[Duration] = seconds(3)
 """For how long odometry is remembered: poses older than this are refused."""
-TURN_NOISE_RAD: Final = 0.5
-"""Turn between two messages beyond what the robot can that is no jump yet."""
 
 
 class BodyTopics(Protocol):
@@ -173,9 +171,10 @@ class RosBody:
         dy = now.y - before.y
         way = dx * math.cos(middle) + dy * math.sin(middle)
         shape = self._arena.shape
+        # Half a radian between two messages beyond what the robot can is no jump yet: it is noise.
         if (
             math.hypot(dx, dy) > FASTEST * shape.speed * dt + WAY_NOISE_M
-            or abs(turned) > FASTEST * shape.turn * dt + TURN_NOISE_RAD
+            or abs(turned) > FASTEST * shape.turn * dt + 0.5
         ):
             self._jump()
             return

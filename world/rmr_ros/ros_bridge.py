@@ -43,7 +43,6 @@ ZEROS: Final = 5
 INBOX_MAX: Final = 256
 """Messages that wait for the world's loop, of each robot; the oldest are dropped."""
 
-ODOMETRY: Final = "nav_msgs/msg/Odometry"
 POSES: Final[Mapping[str, Any]] = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": PoseWithCovarianceStamped,
     "geometry_msgs/msg/PoseStamped": PoseStamped,
@@ -142,7 +141,7 @@ class RosBridge:
         node = self._node
         spec = link.spec
         for topic, known, take in (
-            (spec.odom, {ODOMETRY: Odometry}, self._odometry),
+            (spec.odom, {"nav_msgs/msg/Odometry": Odometry}, self._odometry),
             (spec.pose, POSES, self._pose),
         ):
             infos = node.get_publishers_info_by_topic(topic)

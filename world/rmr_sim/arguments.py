@@ -21,9 +21,6 @@ WHOLE = "[0-9]{1,18}"
 """What fits 64 bits; of thousands of digits Python makes no number at all."""
 ORDERS = "who goes first: most deadlines met (ours), earliest deadline, first come, or no coordination (none)"
 
-UNIT_S = {"s": 1, "m": 60, "min": 60, "h": 3600}
-"""Seconds of the units of `--budget`."""
-HUNT_ONLY = ("budget", "runs", "methods")
 NOT_HUNTING = {
     "seeds": "draws the seeds of its runs from --seed",
     "shard": "draws each run from those before it",
@@ -136,7 +133,7 @@ def _check_shared(arguments: argparse.Namespace, *, sweep: bool) -> None:
 
 def check_hunt(arguments: argparse.Namespace) -> None:
     """Raise CommandLineError for options that do not go together with a hunt, or only with one."""
-    given = [name for name in HUNT_ONLY if getattr(arguments, name) is not None]
+    given = [name for name in ("budget", "runs", "methods") if getattr(arguments, name) is not None]
     if not arguments.hunt and given:
         raise CommandLineError(f"--{given[0]} is about a hunt: ask for it with --hunt")
     if not arguments.hunt:
@@ -176,7 +173,7 @@ def cores() -> int:
 def _time(text: str) -> int:
     """Return nanoseconds for 90s, 10m or 1.5h."""
     match = re.fullmatch(r"([0-9]{1,9}(?:\.[0-9]{1,9})?)(s|m|min|h)", text)
-    time_ns = 0 if match is None else round(float(match[1]) * UNIT_S[match[2]] * 1e9)
+    time_ns = 0 if match is None else round(float(match[1]) * {"s": 1, "m": 60, "min": 60, "h": 3600}[match[2]] * 1e9)
     if not time_ns:
         raise ValueError(f"a time such as 90s, 10m or 2h, not {text!r:.40}")
     return time_ns

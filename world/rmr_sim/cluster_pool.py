@@ -27,8 +27,6 @@ from rmr_sim.sweep_rows import differences, versions
 INSTALL = "pip install 'rmr-robots[cluster]'"
 CONNECT_S = 10
 """Longest time until the scheduler answers."""
-WORKERS_S = 30
-"""How long the first worker may take to show itself: a script starts it just before the sweep."""
 COUNT_S = 2.0
 """Period in which the workers are counted anew: they come and go."""
 WINDOW = 4
@@ -90,7 +88,8 @@ class ClusterPool(Generic[Task, Outcome]):
     def _compare(self) -> None:
         """Raise PoolError unless there are workers and all are of the same rmr."""
         try:
-            self._client.wait_for_workers(1, timeout=WORKERS_S)
+            # The first worker may take a while to show itself: a script starts it just before the sweep.
+            self._client.wait_for_workers(1, timeout=30)
             found: dict[str, Any] = self._client.run(versions, on_error="return")
         except OSError:
             start = f"dask worker {self._address} --nthreads 1"

@@ -26,8 +26,6 @@ from rmr_world.faults import fault_entry
 
 PROCESS: Final = "sim"
 MODE: Final = "simulated"
-FACTS_ONLY: Final = ("inserted", "removed")
-"""Entries of the trace that are left out: a replay yields them."""
 
 
 def simulation_writer(loaded: LoadedLab, seed: int | None, path: Path) -> RecordWriter:
@@ -114,7 +112,8 @@ class SimulationRecorder:
         entries = self._simulation.new_entries(self._entries)
         self._entries += len(entries)
         for entry in entries:
-            if entry["what"] not in FACTS_ONLY:
+            # A replay yields those.
+            if entry["what"] not in ("inserted", "removed"):
                 self.writer.write("/trace", seconds(entry["t"]), entry)
 
     def _take_faults(self, now: Instant) -> None:

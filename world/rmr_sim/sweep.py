@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 SWEEP_FILE = "sweep.json"
 TRACE_FILE = "trace.jsonl"
-PROGRESS_FIRST_S = 10.0
-"""Time of the first line of progress, where standard error is no terminal."""
 PROGRESS_PERIOD_S_MAX = 600.0
 """Longest time between two lines of progress; the time doubles up to this bound."""
 KEPT_MAX = 100
@@ -225,7 +223,7 @@ class ProgressLines:
         self._clock = clock
         self._say = say
         self._began_s = clock()
-        self._next_s = PROGRESS_FIRST_S
+        self._next_s = 10.0  # seconds
         self._over = self._failed = 0
 
     def tell(self, failed: bool) -> None:

@@ -18,8 +18,6 @@ BINS_MAX = 12
 """Bins, and so lines, at most."""
 BAR_WIDTH = 40
 """Length of the longest bar, characters."""
-RUNS_MIN = 2
-"""Finished runs that a histogram needs."""
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 """Blocks from empty to full, in eighths of a character."""
 
@@ -111,7 +109,7 @@ def histogram_lines(rows: Sequence[Row], out: TextIO) -> list[str]:
     ratios = [row["time_to_bound"] for row in finished]
     known = None not in ratios
     values: list[float] = ratios if known else [row["time_s"] for row in finished]
-    if len(values) < RUNS_MIN:
+    if len(values) < 2:
         return []
     counts, step = binned(values)
     blocks = encodes(out, EIGHTHS)

@@ -15,10 +15,6 @@ from rmr.base.time import Instant
 
 MASS_KG: Final = 0.5
 
-_WALL_M: Final = 0.1
-"""Thickness of the walls, which lie outside the arena, metres."""
-_SLOP_M: Final = 0.0002
-"""Overlap of bodies that the solver allows in contact, metres (pymunk's default is 0.1)."""
 _FRICTION: Final = 0.3
 _ROBOT: Final = 1
 _FIXED: Final = 2
@@ -52,7 +48,8 @@ class ContactEngine:
         self._begin = begin
         self._end = end
         self._space = pymunk.Space()
-        self._space.collision_slop = _SLOP_M
+        # Metres by which bodies in contact may overlap; pymunk's default is 0.1.
+        self._space.collision_slop = 0.0002
         self._bodies: dict[int, pymunk.Body] = {}
         self._robots: dict[pymunk.Shape, int] = {}
         self.extents: list[tuple[float, float, float, float]] = []
@@ -72,7 +69,7 @@ class ContactEngine:
                 shapes.append(pymunk.Poly(ground, [(x, y) for x, y in obstacle.corners]))
         w = arena.width
         h = arena.height
-        t = _WALL_M
+        t = 0.1  # thickness of the walls, metres; they lie outside the arena
         corners = [(-t, -t), (w + t, -t), (w + t, h + t), (-t, h + t)]
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
             shapes.append(pymunk.Segment(ground, a, b, t))

@@ -58,7 +58,6 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 _SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0}
-_ESCAPES = {"n": "\n", "t": "\t"}
 
 
 class _Terms:
@@ -140,7 +139,7 @@ def _leaf(token: re.Match[str]) -> _Term:
     if token["number"]:
         return _number(token["number"], token["unit"])
     if token["string"]:
-        return re.sub(r"\\(.)", lambda m: _ESCAPES.get(m[1], m[1]), token["string"][1:-1])
+        return re.sub(r"\\(.)", lambda m: {"n": "\n", "t": "\t"}.get(m[1], m[1]), token["string"][1:-1])
     if token["variable"]:
         return _Variable(token["variable"])
     name = token["name"]

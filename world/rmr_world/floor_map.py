@@ -37,10 +37,6 @@ DEEP_MODES: Final = ("I", "I;16", "I;16B", "I;16L", "I;16N", "F")
 """Pillow's names of images of one channel with more than 8 bits; its own conversion cuts their greys off at 255."""
 BITS_TAG, PHOTOMETRIC_TAG, WHITE_IS_ZERO = 258, 262, 0
 """TIFF 6.0, section 8: the tags of the bits of a channel and of what 0 means, and one of its values."""
-DARK: Final = 0.5
-"""The one threshold of an image alone: what is darker is blocked."""
-STRETCH_MAX: Final = 0.01
-"""How much wider than high a pixel may be, or the other way round, as a share."""
 
 NEGATE: Final = {
     "0": False,
@@ -84,7 +80,7 @@ def read_map(path: Path) -> FloorMap:
     """Return the map in a file: a map file of ROS or an image. Raises MapError."""
     if path.suffix not in SUFFIXES:
         grey, opaque = _pixels(path)
-        return FloorMap(~opaque | (_lightness(grey) < DARK), None)
+        return FloorMap(~opaque | (_lightness(grey) < 0.5), None)
     about = _about(path)
     grey, opaque = _pixels(path.parent / about["image"])
     darkness = _lightness(grey) if about["negate"] else np.float32(1.0) - _lightness(grey)
@@ -109,7 +105,7 @@ def boxes(floor: FloorMap, width_m: float, height_m: float) -> list[Box]:
     """
     rows, columns = floor.blocked.shape
     across, up = width_m / columns, height_m / rows
-    if abs(across / up - 1.0) > STRETCH_MAX:
+    if abs(across / up - 1.0) > 0.01:  # pixels are nearly square
         raise MapError(
             f"has {columns} x {rows} pixels, which do not fit an arena of {width_m:g} m x {height_m:g} m: "
             f"a pixel would be {across:.4g} m wide and {up:.4g} m high"

@@ -21,11 +21,6 @@ import numpy as np
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point
 
-ARC_STEP = math.radians(15.0)
-"""Angle between two points on a grown corner, radians."""
-CORNERS_MAX = 800
-"""Bound of the corners of the visibility graph. With more, arcs are made coarser, which only weakens the bound."""
-
 OBSTACLES_MAX = 300
 """Bound of the obstacles that ways lead around."""
 
@@ -60,10 +55,11 @@ class FreeFlow:
         self._low = radius - _INSIDE_M
         self._right = arena.width - self._low
         self._top = arena.height - self._low
-        step = ARC_STEP
+        step = math.radians(15.0)  # between two points on a grown corner
         obstacles = arena.obstacles if len(arena.obstacles) <= OBSTACLES_MAX else ()
         self._rings = [_grown(obstacle, radius, step) for obstacle in obstacles]
-        while sum(len(ring.points) for ring in self._rings) > CORNERS_MAX and step < math.pi:
+        # With more corners in the visibility graph arcs are made coarser, which only weakens the bound.
+        while sum(len(ring.points) for ring in self._rings) > 800 and step < math.pi:
             step *= 2.0
             self._rings = [_grown(obstacle, radius, step) for obstacle in obstacles]
         self._in_the_way = 0

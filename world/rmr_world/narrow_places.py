@@ -26,8 +26,6 @@ from rmr_world.clearance_grid import ClearanceGrid, cell_edge_m, components
 
 LINE_M = 0.02
 """Tolerance of a centre line, which follows the cells of a grid."""
-CELLS_LEAST = 2.0
-"""Cells along a robot's radius below which the grid tells nothing."""
 FINER = 8
 """Steps within a cell in which the axis is looked for at the narrowest point."""
 
@@ -106,7 +104,7 @@ def side_by_side_m(radius: float) -> float:
 def narrow_places(arena: Arena) -> NarrowPlaces:
     """Return the passages and zones of the floor of `arena` for robots of its shape."""
     radius = arena.shape.radius
-    if cell_edge_m(arena) * CELLS_LEAST > radius:
+    if cell_edge_m(arena) * 2.0 > radius:  # the grid tells nothing
         return NarrowPlaces(searched=False)
     return _Search(arena).found()
 

@@ -21,8 +21,6 @@ from rmr_world.lab import Lab
 from rmr_world.quorum import DIED, NEVER_CAME, STOPPED, Fate, absence
 
 REPORT_FILE = "report.json"
-SECONDS_DECIMALS = 3
-"""Decimals of values whose key ends in ``_s``."""
 DECIMALS = 4
 """Decimals of all other floats."""
 
@@ -135,7 +133,7 @@ def _rounded(value: Any, key: str = "") -> Any:
     if isinstance(value, float):
         if not math.isfinite(value):
             return None
-        return round(value, SECONDS_DECIMALS if key.endswith("_s") else DECIMALS) + 0.0  # no negative zero
+        return round(value, 3 if key.endswith("_s") else DECIMALS) + 0.0  # no negative zero
     if isinstance(value, Mapping):
         return {str(name): _rounded(item, str(name)) for name, item in value.items()}
     if isinstance(value, list | tuple):
@@ -260,8 +258,6 @@ def table_text(report: Mapping[str, Any]) -> str:
 # by an exchange argument. It is enough to search all merges of the two sequences, leaving out jobs that come too
 # late (dynamic programming). All other jobs are taken as possible; if there are only such jobs, no bound is known.
 
-PAIRS_MAX = 2500
-"""Bound of the product of two families' sizes; beyond it each family is bounded by itself, which is weaker."""
 
 _Job = tuple[float, float]
 """Earliest and latest entry of a job that meets its deadline, seconds."""
@@ -334,7 +330,8 @@ def _through_bottleneck(times: FreeTimes, in_time: Sequence[list[float]]) -> int
     jobs: list[list[_Job]] = [[], []]
     for mouth, group in entrances.items():
         jobs[mouth] = [(group.approach, deadline - group.departure) for deadline in sorted(due[mouth])]
-    if len(jobs[0]) * len(jobs[1]) > PAIRS_MAX:
+    # So many pairs take too long: each family is bounded by itself, which is weaker.
+    if len(jobs[0]) * len(jobs[1]) > 2500:
         return _merged(times, jobs[0], []) + _merged(times, [], jobs[1])
     return _merged(times, *jobs)
 

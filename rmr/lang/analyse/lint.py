@@ -52,11 +52,8 @@ TICK_S = 1 / 60
 _SENT = {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 """Roles of facts and actions that are sent by radio if their owner is another robot."""
 
-TRUTHS = ("true", "false")
-"""Reserved words that a variable with a capital letter may be a misspelling of."""
 
 NO_FIRING = "the rule cannot fire"
-NO_JOB = "the assertion never starts a job"
 
 
 def warn(module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
@@ -140,7 +137,7 @@ class _Lint:
                 case GoalItem(fact=fact):
                     self._unreachable(fact, {})
                 case AssertionItem():
-                    self._never(item.start, NO_JOB)
+                    self._never(item.start, "the assertion never starts a job")
                     self._unfinished(item.finish)
                 case TypeDeclaration() | ConstantItem() | IncludeItem() | FactItem() | StrategyItem() | FunctionItem():
                     pass
@@ -177,8 +174,9 @@ class _Lint:
 
     def _confusable(self, variable: Variable) -> None:
         constant = variable.name[0].lower() + variable.name[1:]
+        # A variable with a capital letter may be a misspelling of a reserved word, too.
         if (
-            (constant in self._symbols or constant in TRUTHS)
+            (constant in self._symbols or constant in ("true", "false"))
             and constant != variable.name
             and not self._found.wrong_at(variable.span)
         ):

@@ -35,11 +35,6 @@ from rmr.lang.read.syntax import (
 LETTERS_MIN = 4
 """Shortest symbol that is checked: shorter ones are one slip from too many words."""
 
-CHANGED_LETTERS_MIN = 5
-"""Shortest symbol for a changed letter: shorter pairs are usually two words (`load`, `lead`)."""
-
-OPEN_LETTERS_MIN = 6
-"""Shortest symbol at different undeclared arguments: shorter pairs are usually two words."""
 
 SYMBOLS_MAX = 2000
 """Largest number of symbols of a program that is checked; more are generated."""
@@ -105,7 +100,8 @@ def _are_one_set(here: list[SymbolUse], there: list[SymbolUse]) -> bool:
 def _are_open(rare: str, other: str, here: list[SymbolUse], there: list[SymbolUse]) -> bool:
     """Whether two long symbols stand where no type is declared, and may be of one set although no rule says so."""
     is_changed = len(rare) == len(other) and sorted(rare) != sorted(other)  # `packing` and `parking` are two words
-    if is_changed or min(len(rare), len(other)) < OPEN_LETTERS_MIN or rare[-1] != other[-1]:
+    # At different undeclared arguments, pairs of shorter symbols are usually two words.
+    if is_changed or min(len(rare), len(other)) < 6 or rare[-1] != other[-1]:
         return False
     return all(each.key is not None and "/" in each.key for each in (*here, *there))
 
@@ -151,9 +147,8 @@ def _is_slip(one: str, other: str) -> bool:
         return one[place : place + 2].isalpha()
     letters = one[place] + other[place]
     is_inside = place < len(one) - 1 and "_" not in {one[place + 1], one[place - 1]}
-    return (
-        letters.isalpha() and is_inside and len(one) >= CHANGED_LETTERS_MIN and one[place + 1 :] == other[place + 1 :]
-    )
+    # Where a letter is changed, shorter pairs are usually two words (`load`, `lead`).
+    return letters.isalpha() and is_inside and len(one) >= 5 and one[place + 1 :] == other[place + 1 :]
 
 
 # ---- where symbols stand

@@ -37,9 +37,6 @@ from rmr.lang.read.syntax import (
     walk,
 )
 
-CYCLE_MAX = 50
-"""Longest cycle that is searched for, in rules."""
-
 
 @record
 class _Firing:
@@ -249,7 +246,8 @@ def _cycles(passing: dict[str, tuple[str, FactNode, RuleItem]], found: Diagnosti
     for start in passing:
         path: list[str] = []
         name = start
-        while name in passing and name not in done and name not in path and len(path) < CYCLE_MAX:
+        # Cycles of up to 50 rules are searched for.
+        while name in passing and name not in done and name not in path and len(path) < 50:
             path.append(name)
             name = passing[name][0]
         if name in path:  # the walk has come back to itself; what leads into the cycle is left out of the message

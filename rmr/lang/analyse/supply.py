@@ -30,9 +30,6 @@ from rmr.lang.read.syntax import (
     flat,
 )
 
-COMPARED_MAX = 300_000
-"""Budget of comparisons of wanted with derived facts, about a second; beyond it every fact counts as matching."""
-
 _DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 """Roles of facts that the program produces."""
 _READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
@@ -112,7 +109,8 @@ class Supply:
         if not producers and self._is_trusted(signature):
             return True
         self._compared += len(producers)
-        return self._compared > COMPARED_MAX or any(_may_match(wanted, known, *producer) for producer in producers)
+        # After about a second of comparisons every fact counts as matching.
+        return self._compared > 300_000 or any(_may_match(wanted, known, *producer) for producer in producers)
 
     # ---- circular dependencies
 

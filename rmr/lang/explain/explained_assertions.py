@@ -11,9 +11,6 @@ from rmr.lang.lower.servers import Passed, Served, Servers, assertion_term
 from rmr.lang.lower.time_assertions import Watched
 from rmr.lang.read.syntax import Expression, Literal
 
-ORIGINS_MAX = 20
-"""Largest number of listed facts that lead to a finish fact which no action serves."""
-
 STEPS_MAX = 10_000
 """Largest number of listed steps of all paths from effects to finish facts; of further ones only the number."""
 
@@ -99,6 +96,7 @@ class AssertionExplainer:
         serving = walk.served if assertion.scheduled else ()
         first = {each.predicate: each for each in reversed(walk.passed)}
         unserved = [each for each in walk.passed if first[each.predicate] is each] if not serving else []
+        # Largest number of listed facts that lead to a finish fact which no action serves.
         return ExplainedAssertion(
             name=assertion.name,
             place=self._texts.spot(item.span),
@@ -111,7 +109,7 @@ class AssertionExplainer:
             scheduled=assertion.scheduled,
             event=_event(assertion.name, args) if serving else None,
             serving=tuple(self._serving(serving, labels)),
-            origins=tuple([self._origin(each, labels) for each in unserved[:ORIGINS_MAX]]),
+            origins=tuple([self._origin(each, labels) for each in unserved[:20]]),
             cut=walk.cut,
         )
 

@@ -18,11 +18,6 @@ STEPS_SHOWN_MAX = 20
 TEXT_SHOWN_MAX = 100
 """Largest number of characters shown of a rule's text, enough to recognise it."""
 
-ENTRY_SHOWN_MAX = 500
-"""Largest number of characters shown of any other entry."""
-
-PLACES_SHOWN_MAX = 10
-"""Largest number of places of rules listed in one sentence."""
 
 OBSTACLES_SHOWN_MAX = 20
 """Largest number of obstacles to columns that are shown."""
@@ -266,7 +261,7 @@ def _place(spot: Spot) -> str:
 
 
 def _rules(places: Sequence[str]) -> str:
-    shown = list(places[:PLACES_SHOWN_MAX])
+    shown = list(places[:10])  # of one sentence
     more = len(places) - len(shown)
     return (
         f"the {'rule' if len(places) == 1 else 'rules'} at " + ", ".join(shown) + (f" and {more} more" if more else "")
@@ -277,7 +272,7 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
-def _cut(text: str, limit: int = ENTRY_SHOWN_MAX) -> str:
+def _cut(text: str, limit: int = 500) -> str:
     """Return `text` cut to `limit` characters, with control characters replaced."""
     shown = text if len(text) <= limit else text[: limit - 3] + "..."
     return "".join(each if each.isprintable() else "\ufffd" for each in shown)

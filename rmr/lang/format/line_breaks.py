@@ -49,8 +49,6 @@ CALLED = frozenset({"NAME", "ASSERT", "WATCH", "IF", "END", "UNORDERED", "SHARED
 CLOSING = frozenset({")", "]", "}"})
 SECTIONS = frozenset({"-o", "else", "|"})
 """Tokens that begin a line if their group breaks."""
-PREFIXES = frozenset({"!", "$", "?"})
-"""Prefix tokens, with no space behind them; a unary `-` is one as well."""
 
 
 @dataclass(slots=True)
@@ -179,7 +177,8 @@ class _Reader:
             frame.parts.append(_Part(marks, None if negates or equates else LEVEL.get(word.text)))
         self._chooses = self._begins_choice(word)
         self._derives = self._derives or word.text == "-o"
-        self._prefixed = negates or word.text in PREFIXES
+        # Prefix tokens, with no space behind them; a unary `-` is one as well.
+        self._prefixed = negates or word.text in {"!", "$", "?"}
         self._before_previous = self._previous
         self._previous = word
 

@@ -36,9 +36,6 @@ from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 COMPARISONS_MAX = 100_000
 """Budget of comparisons of a produced fact with a wanted one, for all goals of a program."""
 
-LEADS_PER_RULE_MAX = 2
-"""Leads in the byte-code for each rule of the program, on average: one takes two octets, a rule about a dozen."""
-
 
 class LeadingRank(NamedTuple):
     """A rule that leads to a goal."""
@@ -65,7 +62,8 @@ def with_leads(program: Program) -> Program:
         return program
     reach = GoalPaths(program)
     leads = [reach.leads(goal) for goal in program.goals]
-    if sum(len(each or ()) for each in leads) > LEADS_PER_RULE_MAX * len(program.rules):
+    # Leads in the byte-code for each rule of the program, on average: one takes two octets, a rule about a dozen.
+    if sum(len(each or ()) for each in leads) > 2 * len(program.rules):
         return program
     goals = [replace(goal, leads=each) for goal, each in zip(program.goals, leads, strict=True)]
     return replace(program, goals=tuple(goals))

@@ -32,9 +32,6 @@ from rmr.lang.read.syntax import (
     walk,
 )
 
-BOUND_SHOWN_MAX = 8
-"""Largest number of bound variables that a hint lists."""
-
 
 def variables(node: object) -> Iterator[Variable]:
     """Yield the occurrences of named variables in `node`, in source order."""
@@ -48,7 +45,7 @@ def bound_hint(variable: Variable, environment: Environment) -> str | None:
     if not names:
         return None
     misspelt = meant(variable.name, names) if len(variable.name) > 2 else None
-    shown = ", ".join(f"`{each}`" for each in names[:BOUND_SHOWN_MAX])
+    shown = ", ".join(f"`{each}`" for each in names[:8])  # more are no hint
     return misspelt or f"bound {'is' if len(names) == 1 else 'are'} {shown}"
 
 

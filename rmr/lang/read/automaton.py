@@ -13,9 +13,6 @@ from rmr.lang.read.source_text import Span
 from rmr.lang.read.tables import tables
 from rmr.lang.read.tree_builder import Builder
 
-COMMAS_MAX = 3
-"""Missing commas that a trial parse supplies."""
-
 
 class TrialReach(NamedTuple):
     """The result of a trial parse; tuples compare as results do, greater is better."""
@@ -155,7 +152,8 @@ class Automaton:
         commas = 0
         for kind in kinds:
             if not self.feed(trial, kind):
-                if commas == COMMAS_MAX or not (self.feed(trial, "COMMA") and self.feed(trial, kind)):
+                # A trial parse supplies three missing commas at most.
+                if commas == 3 or not (self.feed(trial, "COMMA") and self.feed(trial, kind)):
                     break
                 commas += 1
             count += not commas

@@ -8,7 +8,6 @@ from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import BAD_NUMBER, OPEN_STRING, UNKNOWN, Token, scanner, spelling
 from rmr.lang.read.source_text import Span
 
-EXPECTED_SHOWN_MAX = 6
 WORD_SHOWN_MAX = 40
 OR_HINT = "write a rule for each case; between conditions, not facts, `||` is or"
 
@@ -116,7 +115,7 @@ def _hint(automaton: Automaton, misfit: Misfit) -> str | None:
     if "DOT" in expected and (misfit.begins or misfit.word.kind == END):
         return "every item ends with `.`"
     words = sorted({word for kind in expected if kind not in _HIDDEN and (word := word_of(kind)) is not None})
-    return "expected " + " or ".join(words) if 0 < len(words) <= EXPECTED_SHOWN_MAX else None
+    return "expected " + " or ".join(words) if 0 < len(words) <= 6 else None
 
 
 def word_of(kind: str) -> str | None:

@@ -38,11 +38,6 @@ STATES_MAX = 8 * NESTING_MAX
 ITEM_WORDS_MAX = 100_000
 """Tokens of one item; no real rule or list is as long."""
 
-REPAIRS_MAX = 4
-"""Repairs of one item: with more errors the intention is no longer clear."""
-
-FILE_REPAIRS_MAX = 100
-"""Repairs of one file: each costs look-ahead, and no reader wants more messages."""
 
 BROKEN_MAX = 10
 """Broken items in a row after which the file counts as no RMR program."""
@@ -79,7 +74,7 @@ class _Parser:
         self._builder = Builder(source.file, found)
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
-        self._repairs = FILE_REPAIRS_MAX
+        self._repairs = 100  # each costs look-ahead, and no reader wants more messages
         self._is_uncertain = False
         """A repair of this item dropped tokens, so that its meaning may differ from the intended one."""
         self._is_as_meant = True
@@ -163,7 +158,7 @@ class _Parser:
         self._is_uncertain = False
         word = first
         previous = first
-        repairs = REPAIRS_MAX
+        repairs = 4  # with more errors in one item the intention is no longer clear
         read: list[Token] = []
         while True:
             if automaton.take(word):

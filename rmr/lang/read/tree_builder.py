@@ -39,8 +39,6 @@ RESERVED = frozenset(
 )
 """Reserved words: they are never names (see the language reference)."""
 
-EXTREMES = ("min", "max")
-"""Tokens before the type of an argument by which the best fact is chosen."""
 
 SECONDS = {"s": 1, "min": 60}
 """Seconds per unit of a time literal; milliseconds are scaled in the exponent instead."""
@@ -144,7 +142,8 @@ class Builder:
     ) -> tuple[syntax.Parameter, ...]:
         """Return the parameter; two of them if the token before the type is a type itself, and a comma is missing."""
         named = None if variable is None else self._variable(variable)
-        if extreme is None or extreme.text in EXTREMES:
+        # By `min` or `max` of an argument the best fact is chosen.
+        if extreme is None or extreme.text in ("min", "max"):
             return (syntax.Parameter(named, kind, span, "" if extreme is None else extreme.text),)
         hint = "`,` stands between arguments, between conditions, and between what a head derives"
         at = Span(self._file, extreme.end, extreme.end)

@@ -39,7 +39,6 @@ INTERRUPTED: Final = (STOPPED, TAKEN_OVER, NEW_PROGRAM, CANCELLED)
 """Failures that the program has brought about, and that are no faults."""
 FAILURE_CHARACTERS_MAX: Final = 500
 """Length of an action's reason of failure, which a user's handler may have written; the rest is cut off."""
-NO_LOOP: Final = "no running event loop"  # what asyncio says where there is no loop, as in the simulator
 
 
 class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
@@ -370,7 +369,7 @@ def failure_of(error: BaseException, handler: Handler) -> tuple[str, tuple[str, 
         return str(error) or "failed", ()
     file = _file_of(handler)
     raised = frames(error, file)
-    if isinstance(error, RuntimeError) and str(error) == NO_LOOP:
+    if isinstance(error, RuntimeError) and str(error) == "no running event loop":
         return NOT_ASYNCIO.format("asyncio"), raised
     where = place_in(error, file)
     return f"{words(error)} ({where})" if where else words(error), raised

@@ -23,8 +23,6 @@ LOOK_EVERY: Final = seconds(1)
 """How often a robot looks whether others that stand bar its way."""
 FREE_AFTER: Final = seconds(5)
 """They bar it no longer when no look has found so for this long."""
-LAST_S: Final = 1e9
-"""Largest instant of a program, seconds; larger numbers are cut to it. No lab runs for so long."""
 
 
 class Drive(LocatedSteps):
@@ -326,4 +324,5 @@ def _in_straight_way(node: ActionHost, start: Point, goal: Point) -> str:
 
 def _instant(at_s: float) -> Instant:
     """Return an instant of lab time, from seconds of any size."""
-    return seconds(min(max(0.0, at_s), LAST_S))
+    # Larger numbers are cut off: no lab runs for so long.
+    return seconds(min(max(0.0, at_s), 1e9))

@@ -19,8 +19,6 @@ from rmr.vm.provenance import HandlerCause
 if TYPE_CHECKING:
     from rmr.node.peers.perception import Percept
 
-SLEEP_MIN = NS_PER_MS
-"""Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""
 NOT_ASYNCIO = "an action awaits robot.sleep, robot.until and what else its robot offers, not {}"
 """The failure of an action that awaits something else."""
 
@@ -50,7 +48,8 @@ def pause_of(now: Instant, duration_s: float) -> Pause:
     """Return a pause of `duration_s` seconds, a millisecond at least, from `now`. Raises ValueError as `sleep` does."""
     if not 0.0 <= duration_s < math.inf:
         raise ValueError(f"cannot wait {duration_s} s; give a finite number of seconds, 0 or more")
-    return Pause(now + max(SLEEP_MIN, seconds(duration_s)))
+    # A handler that sleeps for nothing again and again would keep its host from ever going on.
+    return Pause(now + max(NS_PER_MS, seconds(duration_s)))
 
 
 class HandledAction(Protocol):

@@ -34,10 +34,6 @@ from rmr.vm.store import Args
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
 did not get it, `what` is the predicate's name; the last argument may be left out."""
-NO_SUCH_ROBOT: Final = "no such robot"
-_SERIAL_BITS: Final = 56
-"""Bits of an action's number on the wire that hold its serial. The sender's epoch stands above them, so that a report
-meant for an earlier incarnation of the robot ends no action of this one."""
 ABOUT_JOBS: Final = frozenset({DeliveryRole.FINISH_AWAITED, DeliveryRole.FINISH_SEEN})
 """Roles whose index is an assertion's."""
 ITEMS: Final = frozenset({DeliveryRole.FACT, DeliveryRole.GOAL, DeliveryRole.ACTION})
@@ -67,7 +63,9 @@ class Deliveries:
         self._machine = state.machine
         self.exchange = exchange
         self._symbols = symbols_of(state.program)
-        self._incarnation = (state.config.epoch & 0xFF) << _SERIAL_BITS
+        # An action's number on the wire is its serial with the sender's epoch in the upper 8 of 64 bits, so that a
+        # report meant for an earlier incarnation of the robot ends no action of this one.
+        self._incarnation = (state.config.epoch & 0xFF) << 56
         self._deadlines = Deadlines(state.program, state.machine)
         sent = [each for each in state.program.ensemble if each.duty in SENT_DUTIES]
         self._lasting = frozenset([each.predicate for each in sent])
@@ -126,7 +124,7 @@ class Deliveries:
 
     def _send(self, now: Instant, destination: int, delivery: Delivery, of: Sent | None) -> None:
         if destination not in self._state.config.roster:
-            self._refuse(now, destination, delivery, of, NO_SUCH_ROBOT)
+            self._refuse(now, destination, delivery, of, "no such robot")
             return
         try:
             due, jobs = self._deadlines.of(now, destination, delivery)

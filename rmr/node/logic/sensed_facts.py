@@ -5,7 +5,6 @@ the program uses.
 """
 
 from collections.abc import Iterable
-from typing import Final
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
@@ -14,9 +13,6 @@ from rmr.vm.machine import Machine
 from rmr.vm.provenance import SENSED
 
 Args = tuple[Value, ...]
-
-OF_SCHEDULES: Final = frozenset({"turn", "leads"})
-"""Facts about the robot's part in the schedules of groups."""
 
 
 class SensedFacts:
@@ -68,7 +64,8 @@ class SensedFacts:
     def take_over(self, now: Instant, other: "SensedFacts") -> None:
         """State what holds by `other`, of another program, but for the robot's part in schedules: groups end."""
         for name, held in other._held.items():
-            for args in held if name not in OF_SCHEDULES else ():
+            # Facts about the robot's part in the schedules of groups.
+            for args in held if name not in {"turn", "leads"} else ():
                 self.add(now, name, args)
 
     def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:

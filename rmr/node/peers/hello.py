@@ -19,8 +19,6 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node.payloads import Hello
 from rmr.node.profile import CHANGE, HELLO_SPREAD, Profile
 
-FIRST_AFTER: Final[Duration] = milliseconds(60)
-"""The first hello is said no sooner than this."""
 EAGER_FOR: Final[Duration] = milliseconds(500)
 """Start-up: for so long after it has begun a robot speaks often. The others wait until they have heard it, and should
 not miss their turns where a frame in ten is lost."""
@@ -72,7 +70,7 @@ class HelloClock:
 
     def start(self, now: Instant) -> None:
         """Plan the first hello."""
-        self.due = now + FIRST_AFTER + round(self._rng.random() * self._profile.first_spread)
+        self.due = now + milliseconds(60) + round(self._rng.random() * self._profile.first_spread)
         self._eager_until = now + EAGER_FOR
 
     def begin(self, now: Instant) -> None:

@@ -20,7 +20,6 @@ from rmr.radio.trials.places import ORIGIN, at_angle
 from rmr.radio.trials.statistics import DIGITS, NORMAL_QUANTILE, mean, percentile
 from rmr.radio.trials.traffic import Frame, Scene, check_count, check_payload, in_ms, octets_of
 
-DISTANCE_M = 10.0
 PERIOD: Duration = 50 * NS_PER_MS
 """From one request to the next: the channel has long been idle again."""
 
@@ -82,7 +81,7 @@ def run(case: Latency, runs: Runs) -> Row:
 def _sample(case: Latency, config: RadioConfig, seed: int) -> list[Frame]:
     scene = Scene(config, seed)
     scene.listener(RECEIVER, ORIGIN, scene.note_delivery)
-    sender = scene.sender(SENDER, at_angle(DISTANCE_M, 0.0), RECEIVER if case.unicast else None, case.payload)
+    sender = scene.sender(SENDER, at_angle(10.0, 0.0), RECEIVER if case.unicast else None, case.payload)
     for index in range(case.count):
         scene.kernel.at(index * PERIOD, ROBOT, sender.offer)
         scene.kernel.run_until((index + 1) * PERIOD - 1)

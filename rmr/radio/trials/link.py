@@ -36,8 +36,6 @@ DISTANCE_MAX_M = 100_000.0
 PERIOD: Duration = 20 * NS_PER_MS
 SHADES = 240
 """Steps in which the deviations of shadowing are averaged: finer changes nothing in six decimals."""
-TABLE_PSDUS = (5, 20, 50, 100, 127)
-"""Sizes that `per` gives the packet error rate of."""
 
 RECEIVER = 0
 SENDER = 1
@@ -99,7 +97,7 @@ def per(snr_db: float) -> Row:
     """
     linear = 10.0 ** (snr_db / 10.0)
     row: Row = {"snr_db": snr_db, "ber": bit_error_rate(linear)}
-    for psdu in TABLE_PSDUS:
+    for psdu in (5, 20, 50, 100, 127):
         row[f"per_psdu_{psdu}"] = 1.0 - success_probability(linear, psdu * OCTET / BIT)
         row[f"per_air_{psdu}"] = 1.0 - success_probability(linear, airtime(psdu) / BIT)
     return row

@@ -15,8 +15,6 @@ NORMAL_QUANTILE = 1.96
 """Quantile of the two-sided 95 % interval of a normal distribution, in standard deviations."""
 DIGITS = 6
 """Decimals of results."""
-FREEDOM_MAX = 200
-"""Degrees of freedom from which on the normal quantile replaces Student's, which is 1.972 there."""
 
 
 def mean(values: Sequence[float]) -> float:
@@ -36,7 +34,8 @@ def percentile(values: Sequence[float], share: float) -> float:
 
 def over_few(values: Sequence[float]) -> dict[str, Any]:
     """Return the mean over replications with Student's interval."""
-    return _with_interval(values, student_quantile(min(len(values) - 1, FREEDOM_MAX)) if len(values) > 1 else 0.0)
+    # With more degrees of freedom the normal quantile replaces Student's, which is 1.972 there.
+    return _with_interval(values, student_quantile(min(len(values) - 1, 200)) if len(values) > 1 else 0.0)
 
 
 def over_many(values: Sequence[float]) -> dict[str, Any]:

@@ -22,8 +22,6 @@ GEOMETRIES = {
     "circle": "circle radius 10 m (equal power)",
     "disk": "uniform disk radius 20 m (near-far)",
 }
-CIRCLE_M = 10.0
-DISK_M = 20.0
 MEMBERS_MAX = 1_000
 JITTER_MAX_MS = 60_000.0
 
@@ -93,8 +91,8 @@ def _sample(case: Storm, config: RadioConfig, seed: int) -> dict[str, float | No
 
 def _places(case: Storm, scene: Scene) -> list[Place]:
     if case.geometry == "circle":
-        return circle(case.members, CIRCLE_M)
-    return disk(case.members, DISK_M, scene.chance("places"))
+        return circle(case.members, 10.0)
+    return disk(case.members, 20.0, scene.chance("places"))
 
 
 def _discovered(scene: Scene, member: Sender, wait: Duration, received: Received) -> None:

@@ -18,8 +18,6 @@ from rmr.node.crossing.situation import Unforeseen
 from rmr_sim.checkers.run_view import TICK, RecentTable, RunView
 
 TIMING = Timing()
-NO_COUNTER = -1
-"""Counter of the term of a robot that is inside without a slot."""
 
 
 @record
@@ -75,7 +73,7 @@ class PassageChecker:
         job = self._view.node(robot).core.job(entered.group_id)
         slot = self._slots.pop((robot, entered.group_id), None)
         if job is not None and job.request.inside:
-            term = (NO_COUNTER, robot)
+            term = (-1, robot)  # a term of its own: it is inside without a slot
         elif job is None or slot is None:
             self._view.violate(now, "entry", (robot,), f"robot {robot} entered without a slot")
             return

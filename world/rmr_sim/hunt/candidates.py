@@ -14,16 +14,10 @@ from rmr_sim.hunt.lineage import Support
 
 WINDOW_MS = 100, 30_000
 """Range of the length of a fault; log-uniform."""
-LEAD_MS_MAX = 5_000
-"""Longest time for which a fault lasts before the support is needed."""
 GRID_MS = 100
 """Times are drawn in multiples of this: a frame is hit all the same, as hellos are further apart."""
 LOSSES = 0.3, 0.6, 0.8, 1.0
 """Shares of frames lost."""
-SLOW_MS = 100, 200, 400, 1000
-"""Milliseconds between two calls of a slow robot."""
-ANYWHERE_MS_MAX = 30_000
-"""Range of the instants that are attacked where a run has no supports."""
 LOOP_DEAD_MS = 200, 3000
 LOOP_ALIVE_MS = 200, 5000
 """Ranges of the times for which a robot is dead and alive in a restart loop."""
@@ -52,7 +46,8 @@ class Attack:
         """Return the beginning and the end of a fault that is there when the support is needed."""
         anchor_ms = self.chance.choice((self.support.at_ms, self.support.heard_ms))
         length_ms = self.length_ms(shortest_ms, longest_ms)
-        lead_ms = self.chance.randint(0, min(length_ms - GRID_MS, LEAD_MS_MAX))
+        # A fault begins five seconds before the support is needed at most.
+        lead_ms = self.chance.randint(0, min(length_ms - GRID_MS, 5_000))
         since_ms = max(0, (anchor_ms - lead_ms) // GRID_MS * GRID_MS)
         return since_ms, since_ms + length_ms
 
@@ -104,7 +99,8 @@ def _stall(attack: Attack) -> list[Harm]:
 
 
 def _slow(attack: Attack) -> list[Harm]:
-    return [attack.harm(HarmKind.SLOW, attack.either, amount=attack.chance.choice(SLOW_MS))]
+    between_calls_ms = attack.chance.choice((100, 200, 400, 1000))
+    return [attack.harm(HarmKind.SLOW, attack.either, amount=between_calls_ms)]
 
 
 def _crash(attack: Attack) -> list[Harm]:
@@ -173,5 +169,5 @@ def attacked(supports: Sequence[Support], roster: Sequence[int], methods: Sequen
 
 def _anywhere(roster: Sequence[int], chance: Random) -> Support:
     """Return a support at random, for a run whose robots have nothing to do with each other."""
-    at_ms = chance.randint(0, ANYWHERE_MS_MAX)
+    at_ms = chance.randint(0, 30_000)
     return Support(at_ms, chance.choice(roster), chance.choice(roster), "none", 0.0, at_ms)

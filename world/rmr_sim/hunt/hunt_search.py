@@ -30,8 +30,6 @@ SHARES = (0.5, 0.75, 0.9)
 """Parts of a window that are tried in place of the whole, the shortest first."""
 SHORTEST_MS = 100
 """Length below which a window is not shortened."""
-STEPS_MS = (10_000, 5_000, 1_000, 500, 100)
-"""Steps to which times are rounded, the roundest first."""
 
 
 def shrunk(harms: Harms, first_breaking: FirstBreaking) -> Harms:
@@ -80,7 +78,7 @@ def _shorter(harm: Harm) -> Iterator[Harm]:
 
 def _rounder(harm: Harm) -> Iterator[Harm]:
     """Yield the harm with rounder times, the roundest first, and nothing once they are as round as that."""
-    for step_ms in STEPS_MS:
+    for step_ms in (10_000, 5_000, 1_000, 500, 100):  # the roundest first
         if 2 * step_ms > harm.length_ms:  # so rounded, it would be longer than need be
             continue
         since_ms = round(harm.since_ms / step_ms) * step_ms
@@ -97,12 +95,8 @@ ROUND_RUNS = 96
 """Candidates of one run seed: enough for a few pairs, few enough to see many seeds."""
 BATCH = 16
 """Candidates that are drawn from one state of the corpus, and shared by the processes."""
-CORPUS_MAX = 16
-"""Good runs of a round that are extended: those in which robots came closest."""
 HARMS_MAX = 6
 """Bound of the harms of one candidate."""
-DRAWS_MAX = 100
-"""Draws for one candidate: of a list that is new and possible."""
 SEED_MAX = 1_000_000
 """Greatest run seed of the rounds after the first."""
 SHRINK_RUNS_MAX = 300
@@ -204,12 +198,13 @@ class HuntSearch:
         base = current.corpus[:1]
         rest = [*current.corpus[1:], outcome] if base else []
         rest.sort(key=lambda one: one.closest_m)  # stable: of equal ones the first comes first
-        current.corpus = [*(base or [outcome]), *rest[: CORPUS_MAX - 1]]
+        # The next ones extend those in which robots came closest.
+        current.corpus = [*(base or [outcome]), *rest[:15]]
 
     def _candidate(self, current: _Round) -> Trial | None:
         """Return a trial with a list of harms that is new and possible; None if none is found."""
         chance = self._chance
-        for _ in range(DRAWS_MAX):
+        for _ in range(100):  # until a list is new and possible
             parent = current.corpus[0]
             # Probability that a candidate extends a run with faults, not the one without.
             if len(current.corpus) > 1 and chance.random() < 0.6:

@@ -28,8 +28,6 @@ SAMPLE_TICKS = 6
 NEAR_M = 0.5
 """Gap of two hulls, metres, within which robots that close in depend on each other: 1.25 s of two that meet at full
 speed, three times what they need to stand. The closest calls are tried first."""
-SUPPORTS_MAX = 400
-"""Bound of the supports of a run; the closest calls are kept."""
 APART_M = 1.0
 """Margin of a support whose robots are not near each other."""
 
@@ -70,7 +68,7 @@ class LineageObserver:
     def supports(self) -> tuple[Support, ...]:
         """Return the supports of the run so far, the closest calls first."""
         found = sorted({*self._found, *self._near.values()}, key=lambda one: (one.margin_m, *one))
-        return tuple(found[:SUPPORTS_MAX])
+        return tuple(found[:400])  # the closest calls
 
     @property
     def closest_m(self) -> float:

@@ -12,9 +12,6 @@ from rmr_world.faults import faults_after_end
 from rmr_world.finding import Finding
 from rmr_world.lab import Lab
 
-NEEDS_POSITION = ("moveto", "lineup", "goto", "reach")
-"""The provided actions that begin only when the robot knows its position."""
-
 
 def fault_after_end(lab: Lab, _program: Program) -> Iterator[Finding]:
     """Warn of a fault that begins after the duration."""
@@ -25,7 +22,10 @@ def fault_after_end(lab: Lab, _program: Program) -> Iterator[Finding]:
 
 def no_localisation(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a localisation service that gives no robot its position although the program drives."""
-    drives = [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name in NEEDS_POSITION]
+    # The provided actions that begin only when the robot knows its position.
+    drives = [
+        p.name for p in program.predicates if p.kind is Kind.ACTION and p.name in ("moveto", "lineup", "goto", "reach")
+    ]
     if not drives:
         return
     if len(set(lab.arena.beacons)) < 2:

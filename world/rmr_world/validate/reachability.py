@@ -30,8 +30,6 @@ PLANS_MAX = 200
 assumed. A lab with so many places without a way has enough errors."""
 FINER = (2, 4)
 """Parts of a cell with which a way is looked for that the cells of the lab file are too large for."""
-FINER_PLACES_MAX = 4
-"""Places of an area that are tried so."""
 
 
 def unreachable_places(lab: Lab, program: Program) -> Iterator[Finding]:
@@ -104,7 +102,7 @@ def _cell_with_way(arena: Arena, start: Point, places: Sequence[Point]) -> float
         if arena.width / cell * arena.height / cell > CELLS_MAX:
             return None
         finer = replace(arena, cell=cell)
-        if any(plan(finer, start, place) is not None for place in places[:FINER_PLACES_MAX]):
+        if any(plan(finer, start, place) is not None for place in places[:4]):
             return cell
     return None
 

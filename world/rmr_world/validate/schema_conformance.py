@@ -225,7 +225,6 @@ _SHAPES: Mapping[str, str] = {
 }
 """Notation of a list by the key that holds it; a list of two under any other key is a point."""
 _MEASURE = re.compile(r"[-+]?[0-9.]+ *(?P<unit>[A-Za-z/%]+)")
-_SHARES = {"loss", "dropout"}
 
 
 def hint(path: FilePath, kind: str, given: object) -> str:
@@ -263,7 +262,7 @@ def _number(path: FilePath, key: str, given: str) -> str:
         return "; leave out the quotation marks"
     if _MEASURE.fullmatch(given.strip()) is None:
         return ""
-    if key in _SHARES:
+    if key in {"loss", "dropout"}:
         return "; a share is a number from 0 to 1"
     if path[0] in {"arena", "areas", "obstacles", "robots", "robot", "localisation"}:
         return "; metres, and metres per second, stand without a unit"

@@ -7,9 +7,6 @@ from rmr.lang.read.habits.item_words import RULE, Habit, MisfitContext, quoted, 
 from rmr.lang.read.lexer import Token
 from rmr.lang.read.tree_builder import RESERVED
 
-REWRITTEN_MAX = 70
-"""Characters of a rule that a hint shows rewritten."""
-
 FOREIGN_ITEMS = {
     "import": '`include "file.rmr".` puts in the items of another file',
     "from": '`include "file.rmr".` puts in the items of another file',
@@ -38,7 +35,7 @@ def _reversed_rule(place: MisfitContext) -> Habit | None:
     end = next((word for word in place.words if word.kind == "DOT" and word.start > last.start), None)
     body = place.text[last.end : end.start].strip() if end is not None else ""
     rule = f"{body} -o {place.text[place.words[0].start : first.start].strip()}."
-    is_short = body and len(rule) <= REWRITTEN_MAX and "\n" not in rule
+    is_short = body and len(rule) <= 70 and "\n" not in rule  # a longer one is not shown rewritten
     hint = f"the body stands first: `{rule if is_short else 'body -o head.'}`"
     return place.given_up(f"unexpected `{place.text[first.start : last.end]}`", hint, first, last)
 
