@@ -253,19 +253,19 @@ def _registered() -> Iterator[LaunchedRun]:
 # --- reading
 
 
-def active_runs(runs: Path = RUNS) -> list[LaunchedRun]:
-    """Return the runs of which any process lives: those of the register, and those in `runs`; the oldest first."""
+def active_runs() -> list[LaunchedRun]:
+    """Return the runs of which any process lives: those of the register, and those in `RUNS`; the oldest first."""
     found = {run.folder: run for run in _registered()}
-    for folder in _folders(runs):
+    for folder in _folders():
         run = recorded_run(folder)
         if run.folder not in found and run.active:
             found[run.folder] = run
     return sorted(found.values(), key=lambda run: (_written(run.folder), str(run.folder)))
 
 
-def past_runs(runs: Path = RUNS) -> list[LaunchedRun]:
-    """Return the runs in `runs` of which no process lives, the oldest first."""
-    return [run for run in map(recorded_run, reversed(_folders(runs))) if not run.active]
+def past_runs() -> list[LaunchedRun]:
+    """Return the runs in `RUNS` of which no process lives, the oldest first."""
+    return [run for run in map(recorded_run, reversed(_folders())) if not run.active]
 
 
 def is_ours(folder: Path) -> bool:
@@ -304,9 +304,9 @@ def secret_of(folder: Path) -> Path | None:
     return next((path for path in found if path.exists()), None)
 
 
-def _folders(runs: Path) -> list[Path]:
-    """Return the folders in `runs` in which processes of this user ran, the newest first."""
-    folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}") if is_ours(path.parent)]
+def _folders() -> list[Path]:
+    """Return the folders in `RUNS` in which processes of this user ran, the newest first."""
+    folders = [path.parent for path in RUNS.glob(f"*/{PROCESSES_FILE}") if is_ours(path.parent)]
     return sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True)
 
 

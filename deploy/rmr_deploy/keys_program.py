@@ -41,8 +41,7 @@ def _declare_init(parser: "Parser") -> None:
 def _declare_days(parser: "Parser", default: str) -> None:
     from rmr.entry.command_line import whole
 
-    most = 36500  # that is `authority.DAYS_MAX`, whose module is heavy; a test compares
-    parser.option("--days", metavar="N", read=whole(1, most), help=f"valid for N days (default: {default})")
+    parser.option("--days", metavar="N", read=whole(1, 36500), help=f"valid for N days (default: {default})")
 
 
 def _declare_issue(parser: "Parser") -> None:

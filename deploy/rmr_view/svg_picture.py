@@ -81,9 +81,9 @@ class SvgPicture:
         """Add a text whose base line begins at (x, y)."""
         self.add("text", kind, text, x=x, y=y)
 
-    def cross(self, x: float, y: float, reach: float = 5.0) -> None:
+    def cross(self, x: float, y: float) -> None:
         """Add the mark of what was missed."""
-        self.add("path", "miss", d=cross_path(x, y, reach))
+        self.add("path", "miss", d=cross_path(x, y, 5.0))
 
 
 def element(tag: str, kind: str = "", text: str | None = None, **attributes: float | str) -> str:

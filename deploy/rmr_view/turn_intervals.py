@@ -301,23 +301,5 @@ class TurnIntervals:
                 term["end_s"] = now
 
 
-def timeline(
-    entries: Iterable[Mapping[str, Any]],
-    end_s: float,
-    robots: Iterable[int] = (),
-    faults: Iterable[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
-    """Return the timeline of a run from the entries of its trace and its faults, both in any order.
-
-    The result has the keys `lanes`, `leaders`, `schedules` and `faults`, as the page's `/api/timeline`.
-    """
-    turns = TurnIntervals(robots)
-    dated = [(float(entry["t"]), 1, entry) for entry in entries]
-    dated += [(float(fault.get("at", fault.get("from", 0.0))), 0, fault) for fault in faults]
-    for _, is_entry, entry in sorted(dated, key=lambda each: each[:2]):
-        (turns.add if is_entry else turns.add_fault)(entry)
-    return turns.timeline(end_s)
-
-
 def _newest(lane: _Lane, job: str) -> Record | None:
     return next((each for each in reversed(lane.deadlines) if each["job"] == job), None)

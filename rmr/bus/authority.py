@@ -50,8 +50,7 @@ ISSUED_FOLDER: Final = "issued"
 
 CA_DAYS: Final = 3650
 LEAF_DAYS: Final = 365
-DAYS_MAX: Final = 36500
-"""Validity of the CA and of what it issues, where no other is asked for, and the longest."""
+"""Validity of the CA and of what it issues, where no other is asked for."""
 
 EARLIER: Final = timedelta(minutes=5)
 """How long before it is issued a certificate is valid: clocks of hosts may differ by that."""

@@ -24,35 +24,13 @@ JSON_VERSION = 1
 
 
 class ExitCode(IntEnum):
-    """The exit codes of all commands."""
+    """The exit codes of all commands; docs/labs.md says what each means."""
 
     OK = 0
     FAILED = 1
     USAGE = 2
     INVALID = 3
     STRICT = 4
-
-
-MEANINGS = {
-    ExitCode.OK: "fine",
-    ExitCode.FAILED: (
-        "it ran and failed: not finished in time, an action of your own failed and declares no `else`, a fact for "
-        "another robot was dropped because it is too large to be sent, a process died, an endpoint in use, a robot's "
-        "id taken"
-    ),
-    ExitCode.USAGE: (
-        "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; "
-        "for `rmr-agent` and `rmr fault` also a robot that the lab does not have, or several labs at the endpoint "
-        "without `--lab`"
-    ),
-    ExitCode.INVALID: (
-        "an invalid program, byte-code, lab file, recording, key or file of actions, a robot and a lab that do not "
-        "agree on the radio's security, a program with an action that nothing carries out, or one that does not fit "
-        "the lab"
-    ),
-    ExitCode.STRICT: "under `--strict`: finished, but a deadline was missed or robots touched something",
-}
-"""What each exit code means, as docs/labs.md states it."""
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:

@@ -32,18 +32,10 @@ class FactError(Exception):
         self.hint = hint
 
 
-def parse_fact(text: str, program: Program) -> InitialFact:
-    """Return the fact in `text`, such as ``due(@1, 25)``; a variable as owner means every robot.
+def stated(fact: FactNode, program: Program) -> InitialFact:
+    """Return the initial fact for `fact`; a variable as owner means every robot, and an argument may repeat it.
 
     Arguments are converted to the types of the program. Raises FactError.
-    """
-    return stated(read_fact(text), program)
-
-
-def stated(fact: FactNode, program: Program) -> InitialFact:
-    """Return the initial fact for `fact`, as `parse_fact` does; an argument may repeat the owner's variable.
-
-    Raises FactError.
     """
     index, predicate = _predicate(fact, program)
     owner = fact.arguments[0]

@@ -184,14 +184,3 @@ def full_words(crossing: Crossing, inside: Sequence[int]) -> str:
         return ""
     robots = f"robot {inside[0]}" if len(inside) == 1 else "robots " + ", ".join(map(str, inside))
     return f"station {crossing.goal.name} is full: {robots}"
-
-
-def status(node: ReportedNode, now: Instant, radio: dict[str, int]) -> dict[str, Any]:
-    """Return what the robot publishes while it runs."""
-    return {
-        "state": "finished" if node.finished() else "running",
-        "finished": node.finished(),
-        "progress": progress(node, now),
-        "t": round(in_seconds(now), 3),
-        "report": robot_report(node, radio),
-    }

@@ -194,25 +194,3 @@ def preview(machine: Machine, program: Program) -> tuple[int, list[str]]:
         mark = "!" if predicate.kind is Kind.PERSISTENT else ""
         ended += [format_fact(predicate.name, (machine.robot, *args), mark) for args in facts]
     return kept, ended
-
-
-def carried_text(pair: ProgramPair) -> dict[str, list[str]]:
-    """Return what a change of programs keeps and ends, by kind: names of predicates, actions and time assertions."""
-    old = pair.old
-    listed: dict[str, list[str]] = {"carried": [], "ended": [], "new": [], "assertions": [], "assertions_ended": []}
-    for index, predicate in enumerate(old.predicates):
-        if predicate.provided and predicate.kind is not Kind.ACTION:
-            continue
-        why = pair.difference(index)
-        if why:
-            listed["ended"].append(f"{predicate.name}: {why}")
-        else:
-            listed["carried"].append(predicate.name)
-    kept = set(pair.predicates)
-    listed["new"] = [
-        each.name for index, each in enumerate(pair.new.predicates) if index not in kept and not each.provided
-    ]
-    for index, assertion in enumerate(old.assertions):
-        kind = "assertions_ended" if pair.assertions[index] is None else "assertions"
-        listed[kind].append(assertion.name)
-    return listed

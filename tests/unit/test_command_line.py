@@ -11,7 +11,7 @@ from rmr import __version__
 from rmr.commands import subcommands
 from rmr.commands.compile_command import command as rmrc
 from rmr.commands.completion_command import SCRIPTS
-from rmr.entry import MEANINGS, ExitCode
+from rmr.entry import ExitCode
 from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, real, whole
 from rmr.entry.completion import FILES, VARIABLE
 from rmr_agent.main import command as agent
@@ -348,11 +348,10 @@ def test_a_near_miss_prefers_the_whole_word_of_an_abbreviation():
 # --- exit codes
 
 
-def test_the_table_of_exit_codes_in_the_documentation_is_that_of_the_code():
+def test_the_table_in_the_documentation_has_the_exit_codes_of_the_code():
     page = (ROOT / "docs/labs.md").read_text()
     rows = re.findall(r"^\| (\d) \| (.*) \|$", page[page.index("Exit codes are the same everywhere") :], re.MULTILINE)
-    assert {int(code): meaning for code, meaning in rows[: len(ExitCode)]} == MEANINGS
-    assert set(MEANINGS) == set(ExitCode)
+    assert [int(code) for code, meaning in rows[: len(ExitCode)] if meaning] == list(ExitCode)
 
 
 def constants(tree):

@@ -8,7 +8,7 @@ JSON lacks (the gap of a lone robot, the bound of an impossible lab) are null.
 import json
 import math
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,7 +60,6 @@ def assemble(
     wall_s: float | None,
     robots: Mapping[int, Mapping[str, Any]],
     truth: Mapping[str, Any],
-    schedule: Iterable[Mapping[str, Any]] | None = None,
     bus_lost: int = 0,
     dead: Collection[int] = (),
 ) -> dict[str, Any]:
@@ -68,7 +67,7 @@ def assemble(
 
     `mode` is ``processes`` or ``simulated``; `time_s` is lab time up to the last robot's finish. `wall_s` is None
     if wall time would make equal runs differ. `robots` holds the last report of each robot; robots of the lab without
-    one are added. `schedule` is by default the newest schedule of each event in the robots' reports. `truth` comes from
+    one are added. `truth` comes from
     the world: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id. `dead` are the robots whose processes had
     ended at the end of the run.
     """
@@ -96,7 +95,7 @@ def assemble(
         },
         "collisions": truth.get("collisions", 0),
         "min_gap_m": truth.get("min_gap_m"),
-        "schedule": newest_schedules(robots) if schedule is None else [dict(item) for item in schedule],
+        "schedule": newest_schedules(robots),
         "bus": {"lost": bus_lost},
     }
     rounded: dict[str, Any] = _rounded(report)

@@ -3,9 +3,13 @@ from lang_source import CORRIDOR, compiled
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Slot
-from rmr.lang.fact_text import FactError, parse_fact
+from rmr.lang.fact_text import FactError, read_fact, stated
 
 PROGRAM = compiled(CORRIDOR)
+
+
+def parse_fact(text, program):
+    return stated(read_fact(text), program)
 
 
 def test_a_fact_is_resolved_and_converted_to_the_programs_types():

@@ -6,7 +6,7 @@ import pytest
 
 from rmr.node.trace import EVENTS
 from rmr_sim.run_setup import Options, load
-from rmr_view.turn_intervals import CLAIM_S, TurnIntervals, timeline
+from rmr_view.turn_intervals import CLAIM_S, TurnIntervals
 
 
 def entry(t, robot, what, **fields):
@@ -22,6 +22,16 @@ def slotted(t, robot, start_s, rank=1, event=EVENT):
 
 def kinds(lane):
     return [(each["kind"], each["begin_s"], each["end_s"]) for each in lane["intervals"]]
+
+
+def timeline(entries, end_s, robots=(), faults=()):
+    """Return the timeline of a run from the entries of its trace and its faults, both in any order."""
+    turns = TurnIntervals(robots)
+    dated = [(float(each["t"]), 1, each) for each in entries]
+    dated += [(float(fault.get("at", fault.get("from", 0.0))), 0, fault) for fault in faults]
+    for _, is_entry, each in sorted(dated, key=lambda one: one[:2]):
+        (turns.add if is_entry else turns.add_fault)(each)
+    return turns.timeline(end_s)
 
 
 def lane_of(entries, end_s=20.0, robot=1, faults=()):
