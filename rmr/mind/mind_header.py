@@ -28,16 +28,9 @@ _GROUPS: Final = {
 }
 
 
-@record
-class UserAction:
-    """A handler of a user, of which a replay knows no more."""
-
-    name: str
-    effect: str | None
-    wheels: bool
-    takes_over: bool
-    at_once: bool
-    to_area: bool
+async def never_called(*_: Any) -> None:
+    """Stand in for a user's handler, whose code a header does not have."""
+    raise AssertionError("the handler of a header is not called")
 
 
 @record
@@ -57,7 +50,8 @@ class MindHeader:
     """Whether the host offered who is in range."""
     witnessed: bool
     """Whether somebody was told what happened in the robot, and might insert facts."""
-    actions: tuple[UserAction, ...]
+    actions: tuple[Handler, ...]
+    """The handlers of users, with `never_called` for what they run."""
     versions: dict[str, str]
     compiled: bool
 
@@ -105,7 +99,7 @@ def decode_header(data: bytes) -> MindHeader:
             timed=found["timed"],
             neighbors=found["neighbors"],
             witnessed=found["witnessed"],
-            actions=tuple(UserAction(*each) for each in found["actions"]),
+            actions=tuple(Handler(name, never_called, *traits) for name, *traits in found["actions"]),
             versions=dict(found["versions"]),
             compiled=found["compiled"],
         )

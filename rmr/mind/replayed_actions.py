@@ -2,13 +2,13 @@
 
 from collections.abc import Awaitable, Callable, Generator, Iterable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from rmr.base.values import Value
 from rmr.mind import action_steps as steps
 from rmr.mind.kept_state import replace_state
-from rmr.mind.mind_header import UserAction
 from rmr.mind.replay_feed import ReplayFeed
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.handle import ActionFailed, Pause
@@ -19,13 +19,10 @@ LOST = "the log does not say how the handler goes on"
 """The failure of an action that goes on in a replay and not in the recording."""
 
 
-def replayed_handlers(actions: Iterable[UserAction], feed: ReplayFeed) -> dict[str, Handler]:
+def replayed_handlers(actions: Iterable[Handler], feed: ReplayFeed) -> dict[str, Handler]:
     """Return a handler for each of `actions` whose steps come from `feed`."""
     run = partial(_run, feed)
-    return {
-        each.name: Handler(each.name, run, each.effect, each.wheels, each.takes_over, each.at_once, each.to_area)
-        for each in actions
-    }
+    return {each.name: replace(each, run=run) for each in actions}
 
 
 def _run(feed: ReplayFeed, robot: NodeHandle, *_: Value) -> Awaitable[None]:

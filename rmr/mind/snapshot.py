@@ -19,7 +19,7 @@ import hmac
 from collections.abc import Sequence
 from dataclasses import replace
 from struct import Struct
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from zlib import crc32
 
 from rmr.base.geometry import Twist
@@ -28,9 +28,8 @@ from rmr.bytecode.program import Program
 from rmr.mind.durable_node import DurableNode
 from rmr.mind.fact_values import pack, unpack
 from rmr.mind.journal import Journal, JournalError, JournalHeader, JournalRecord
-from rmr.mind.mind_header import MindHeader, UserAction, decode_header
+from rmr.mind.mind_header import MindHeader, decode_header
 from rmr.mind.object_graph import Skeleton, UnsavedError
-from rmr.node.actions.dispatcher import Handler
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 
 FORMAT: Final = 2
@@ -175,7 +174,7 @@ def shadow_of(
     )
     skeletons: list[Skeleton] = []
     journal = Journal(port, synced=False)
-    handlers = {each.name: _handler(each) for each in mind.actions}
+    handlers = {each.name: each for each in mind.actions}  # a shadow calls none
     node = DurableNode(
         config, program, ports, handlers, header.program, journal, records, header.noted, state, skeletons.append
     )
@@ -191,11 +190,3 @@ def _mind(header: JournalHeader) -> MindHeader:
 
 def _unseen(robot: int, now: Instant, event: object) -> None:
     """Take no note of an event."""
-
-
-async def _never(*_: Any) -> None:
-    raise AssertionError("a shadow calls no handler")
-
-
-def _handler(action: UserAction) -> Handler:
-    return Handler(action.name, _never, action.effect, action.wheels, action.takes_over, action.at_once, action.to_area)

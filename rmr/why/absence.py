@@ -32,7 +32,7 @@ ACTIONS_SHOWN: Final = 3
 def why_not(past: Past, asked: Question, at: Instant | None = None, depth: int = DEPTH) -> AbsenceAnswer:
     """Return why what is `asked` does not hold at `at` (None: the end of what is known)."""
     until = past.known_until if at is None else min(at, past.known_until)
-    answer = AbsenceAnswer(asked.text(past.program), until, past.known_until, [], [])
+    answer = AbsenceAnswer(asked.text(past.program), until, past.known_until)
     if at is not None and at > past.known_until:
         answer.notes.append(f"the run is known until {seconds_text(past.known_until)}")
     finder = AbsenceFinder(past, until)

@@ -1,7 +1,7 @@
 """Explanations as data: trees of facts, goals, actions and messages, each with its cause, and trees of reasons."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Value, format_value
@@ -87,28 +87,6 @@ class WhyNode:
 
 
 @dataclass(slots=True)
-class WhyAnswer:
-    """What matches a question."""
-
-    question: str
-    at: Instant
-    """The latest insertion at or before this instant was looked for."""
-    known_until: Instant
-    trees: list[WhyNode] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the answer for JSON."""
-        return {
-            "question": self.question,
-            "at_s": in_seconds(self.at),
-            "known_until_s": in_seconds(self.known_until),
-            "answers": [tree.as_data() for tree in self.trees],
-            "notes": self.notes,
-        }
-
-
-@dataclass(slots=True)
 class AbsenceNode:
     """A reason, and the reasons for it."""
 
@@ -131,15 +109,21 @@ class AbsenceNode:
         return {**data, "children": [each.as_data() for each in self.children]}
 
 
-@dataclass(slots=True)
-class AbsenceAnswer:
-    """The answer to a question why not."""
+Node = TypeVar("Node", WhyNode, AbsenceNode)
 
+
+@dataclass(slots=True)
+class Answer(Generic[Node]):
+    """What matches a question, or the reasons why nothing does."""
+
+    trees_key: ClassVar[str]
+    """The key of the trees in JSON."""
     question: str
     at: Instant
+    """As of this instant, the end of what is known at the latest."""
     known_until: Instant
-    trees: list[AbsenceNode]
-    notes: list[str]
+    trees: list[Node] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def as_data(self) -> dict[str, Any]:
         """Return the answer for JSON."""
@@ -147,6 +131,20 @@ class AbsenceAnswer:
             "question": self.question,
             "at_s": in_seconds(self.at),
             "known_until_s": in_seconds(self.known_until),
-            "absent": [tree.as_data() for tree in self.trees],
+            self.trees_key: [tree.as_data() for tree in self.trees],
             "notes": self.notes,
         }
+
+
+class WhyAnswer(Answer[WhyNode]):
+    """The answer to a question why."""
+
+    __slots__ = ()
+    trees_key = "answers"
+
+
+class AbsenceAnswer(Answer[AbsenceNode]):
+    """The answer to a question why not."""
+
+    __slots__ = ()
+    trees_key = "absent"
