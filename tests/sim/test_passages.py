@@ -190,3 +190,21 @@ def test_the_warehouse_finishes_without_contact():
     run = simulate(LABS / "warehouse", seed=18)
     assert run.finished
     assert run.report["violations"] == []
+
+
+DIVIDED = ("[2.8, 0.3], [0.6, 0.8], [2.8, 1.6], [0.6, 2.1]", "[0.6, 0.3], [0.6, 0.8], [2.8, 1.6], [2.8, 2.1]")
+"""Slots of which two lie on the robots' side of the passage."""
+
+
+@pytest.mark.parametrize("slots", DIVIDED)
+@pytest.mark.parametrize("due", [{1: 80, 2: 70, 3: 60, 4: 50}, {1: 50, 2: 60, 3: 70, 4: 80}])
+def test_slots_on_both_sides_of_a_passage_are_all_taken(tmp_path, slots, due):
+    aisles(tmp_path, ONE, ["right"] * 4, due=due)
+    lab = tmp_path / "lab.yaml"
+    text = lab.read_text()
+    right = next(line for line in text.splitlines() if line.startswith("  right:"))
+    lab.write_text(text.replace(right, f"  right: {{slots: [{slots}]}}"))
+    for seed in (1, 2):
+        simulation = prepare(tmp_path, seed=seed)
+        assert simulation.run()
+        assert simulation.now < seconds(60)

@@ -199,7 +199,7 @@ class Crossing:
             return self._pass(now, phase, situation)
         if isinstance(phase, Preparing):
             return self._request(now, phase, situation)
-        if self.beyond and situation.excused:
+        if situation.excused:
             self._enter(OwnEvent.EXCUSED, Left())
             return self._withdraw()
         commands = self._poll(now, phase, situation)

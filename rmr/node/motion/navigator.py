@@ -528,7 +528,10 @@ class Navigator:
         return self._gate.passed
 
     def leads_back(self, place: Point) -> bool:
-        """Return whether a robot that is in a passage, or has none before it, would pass one on its way to `place`."""
+        """Return whether a robot that is in a passage, or has passed one, would pass one on its way to `place`.
+
+        One on an excursion is taken for such a robot: another place would break the excursion off.
+        """
         route = self.route
         order = self._order
         gate = self._gate
@@ -536,11 +539,13 @@ class Navigator:
         if route is None or order is None or before or not self.arena.passages:
             return False
         start = Point(self._pose.x, self._pose.y)
-        to = leader_route(self.arena, start, place, (), through_gate=order.through_gate, behind=order.behind)
+        to = leader_route(self.arena, start, place, (), through_gate=order.through_gate)
         passage = None if to is None else self.arena.passage(to.passage)
         if to is None or passage is None or not passage.two_ended:
             return False  # of a passage with one entrance it is not known on which side of it a place lies
-        return route.gate_m is None or gate.cleared or to.way != route.way
+        if gate.cleared or order.behind or self.aside:
+            return True
+        return route.gate_m is not None and to.way != route.way
 
     @property
     def aside(self) -> bool:

@@ -143,7 +143,7 @@ def test_a_robot_that_has_asked_at_a_passage_does_not_go_through_it_to_a_place_b
     assert (route.passage, route.gate_m) == (None, None)
 
 
-def test_only_a_robot_before_its_gate_goes_through_a_passage_to_another_place():
+def test_a_robot_that_has_entered_a_passage_goes_through_none_back_to_another_place():
     def under_way(start: Point, goal: Point, heading: float) -> Navigator:
         nav = Navigator(ROW, 1)
         assert nav.go(0, Pose(*start, heading), goal, through_gate=True)
@@ -158,10 +158,15 @@ def test_only_a_robot_before_its_gate_goes_through_a_passage_to_another_place():
     inside = under_way(Point(1.2, 0.75), middle, 0.0)
     assert not inside.leads_back(Point(2.0, 1.1))
     assert inside.leads_back(west)
-    beyond = under_way(Point(1.8, 0.75), middle, -1.0)
+    beyond = under_way(Point(1.2, 0.75), middle, 0.0)
+    for step in range(2, 40):
+        beyond.step(step * seconds(1 / 60), Pose(1.2 + step / 60, 0.75, 0.0), (), bumped=False)
     assert not beyond.leads_back(Point(2.0, 1.1))
     assert beyond.leads_back(west)
     assert beyond.leads_back(EAST)
+    has_passed_none = under_way(Point(1.8, 0.75), middle, -1.0)
+    assert not has_passed_none.leads_back(Point(2.0, 1.1))
+    assert not has_passed_none.leads_back(west)
 
 
 def test_a_way_around_a_passage_is_not_taken_for_one_through_it():

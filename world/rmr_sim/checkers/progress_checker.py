@@ -53,6 +53,8 @@ class ProgressChecker:
         """By robot, the goal for which it waits and who is there."""
         self._goal_used: dict[int, Instant] = {}
         """By robot, when others came to the goal for which it waits, or left it, for the last time."""
+        self._waited: dict[int, Instant] = {}
+        """By robot, when others used what it waited for, for the last time."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             view.subscribe(kind, self._reported)
         view.subscribe(Entered, self._entered)
@@ -183,10 +185,14 @@ class ProgressChecker:
         return max(self._progress_at[robot], self._used_at(robot))
 
     def _used_at(self, robot: int) -> Instant:
-        """Return when others used what the robot waits for, for the last time; 0 if it waits for nothing."""
+        """Return when others used what the robot waits for, or waited for last, for the last time; 0 for nothing.
+
+        One that no longer waits, since it needs no turn any more, had no cause to move until then.
+        """
         crossings = self._view.node(robot).crossings.all_current
         used = [self._used.get(crossing.group_id, 0) for crossing in crossings if crossing.waits]
-        return max([self._goal_used.get(robot, 0), *used])
+        self._waited[robot] = max([self._waited.get(robot, 0), self._goal_used.get(robot, 0), *used])
+        return self._waited[robot]
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
