@@ -5,6 +5,9 @@ import json
 import os
 import re
 import secrets
+import socket
+import stat
+import struct
 import threading
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -114,6 +117,21 @@ def _explain(error: Exception, endpoint: str) -> BusError:
         return NobodyThereError(f"nobody listens at {endpoint}")
     reason = re.sub(r"\s+at \S+\.rs:\d+\.?", "", text)
     return BusError(f"cannot use {endpoint}: {reason}")
+
+
+def close_without_waiting() -> None:
+    """Have the system, and not the thread that closes it, wait for what a TCP connection of this process has not sent.
+
+    zenoh asks for 10 s of that (SO_LINGER). The thread also reads from other connections: a host that is cut off, with
+    as many processes as a router has such threads, would stop it for all others (eclipse-zenoh/zenoh, issue 2718).
+    """
+    for number in map(int, os.listdir("/dev/fd")):
+        with contextlib.suppress(OSError):  # the one that lists them is closed
+            if not stat.S_ISSOCK(os.fstat(number).st_mode):
+                continue
+            with socket.socket(fileno=os.dup(number)) as connection:
+                if connection.type == socket.SOCK_STREAM and connection.family in {socket.AF_INET, socket.AF_INET6}:
+                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
 @contextlib.contextmanager
@@ -259,6 +277,8 @@ class Router:
     def __init__(self, listen: str, connect: Sequence[str], secret: Credentials | None) -> None:
         """Open it. Raises BusError as `open_router`."""
         self._session: Any = open_router(listen, connect, secret)
+        callback: Any = Callback(lambda _: close_without_waiting(), indirect=False)
+        self._connections = self._session.info.declare_transport_events_listener(callback, history=True)
         self.id = str(self._session.info.zid())
 
     def connected(self) -> dict[str, bool]:
@@ -271,4 +291,5 @@ class Router:
 
     def close(self) -> None:
         """End it; whoever is connected loses it at once."""
+        self._connections.undeclare()
         self._session.close()

@@ -39,6 +39,7 @@ from rmr.bus.middleware import (
     RETRY_MAX_MS,
     NobodyThereError,
     NotAdmittedError,
+    close_without_waiting,
     open_client,
     open_router,
 )
@@ -190,6 +191,8 @@ class Bus:
         return self._transports > 0
 
     def _transport(self, event: Any, _arrived: int) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            close_without_waiting()
         before = self._transports
         self._transports += 1 if event.kind == zenoh.SampleKind.PUT else -1
         if (before > 0) != (self._transports > 0) and self.on_transport and not self._closed:

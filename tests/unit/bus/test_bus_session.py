@@ -5,6 +5,8 @@ import contextlib
 import os
 import socket
 import socketserver
+import stat
+import struct
 import threading
 import time
 
@@ -253,6 +255,28 @@ def test_processes_that_are_started_from_here_have_the_threads_that_the_user_cho
         assert os.environ.get(POOLS_VARIABLE) == chosen
 
     on_a_star(scene, clients=1)
+
+
+def lingering():
+    """Return for each TCP connection of this process how long the thread that closes it waits, in seconds."""
+    found = []
+    for number in map(int, os.listdir("/dev/fd")):
+        with contextlib.suppress(OSError):
+            if stat.S_ISSOCK(os.fstat(number).st_mode):
+                with socket.socket(fileno=os.dup(number)) as one, contextlib.suppress(OSError):
+                    one.getpeername()
+                    octets = one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
+                    found += [struct.unpack("ii", octets)] if one.family == socket.AF_INET else []
+    return found
+
+
+def test_a_connection_that_is_dead_holds_no_thread_that_reads_from_others():
+    async def scene(_router, _one, _two):
+        await until(lambda: len(lingering()) == 4 and {on for on, _ in lingering()} == {0})
+
+    before = os.listdir("/dev/fd")
+    on_a_star(scene)
+    assert len(os.listdir("/dev/fd")) <= len(before) + 8, "zenoh keeps some of its own, and none is left of each look"
 
 
 def test_after_closing_nothing_is_sent_and_nothing_arrives():
