@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from rmr.base.file_errors import naming
 from rmr_deploy.process_identity import lives, start_mark
+from rmr_deploy.run_requests import ask_launcher
 
 PROCESSES_FILE = "processes.json"
 REPORT_FILE = "report.json"
@@ -111,6 +112,10 @@ class LaunchedRun:
         """The exit code of `rmr up`; None while it runs, or if it was killed."""
         code = self.record.get("exit_code")
         return code if type(code) is int else None
+
+    def ask(self, request: Mapping[str, Any], patience_s: float | None = None) -> dict[str, Any]:
+        """Return the launcher's answer. Raises RequestError."""
+        return ask_launcher(self.folder, request, patience_s)
 
     @property
     def _lab(self) -> Mapping[str, Any]:

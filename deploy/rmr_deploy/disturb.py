@@ -116,14 +116,23 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
 @contextmanager
 def opened(place: WorldAddress) -> Iterator[Bus]:
     """Open the bus at `place` for an operator, and close it in the end. Raises FleetError."""
+    bus = open_at(place, "operator")
+    try:
+        yield bus
+    finally:
+        bus.close()
+
+
+def open_at(place: WorldAddress, *roles: str) -> Bus:
+    """Return the bus at `place`, for whoever has keys of one of `roles`. Raises FleetError."""
     endpoint = place.endpoint
     if missing := unreadable((secret_file(place.secret),)):
         raise FleetError(missing[0], ExitCode.USAGE)
     try:
         secret = read_credentials(place.secret)
         if isinstance(secret, Certificate):
-            secret.check_role("operator")
-        bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
+            secret.check_role(*roles)
+        return open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
     except (SecretError, CertificateError) as error:
         raise FleetError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
@@ -131,10 +140,6 @@ def opened(place: WorldAddress) -> Iterator[Bus]:
         raise FleetError(f"no world at {endpoint}{why}" if why else str(error), ExitCode.FAILED) from None
     except BusError as error:
         raise FleetError(str(error), ExitCode.FAILED) from None
-    try:
-        yield bus
-    finally:
-        bus.close()
 
 
 async def ask_world(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint: str) -> wire.Disturbances:

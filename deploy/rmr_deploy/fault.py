@@ -101,9 +101,12 @@ def _declare_partition(parser: "Parser") -> None:
 
 
 def _declare_victims(parser: "Parser") -> None:
-    """Declare robots of a run that `rmr up` has started on this machine."""
+    """Declare robots of a run that `rmr up` has started, on this machine or on others."""
+    from rmr_deploy.fleet import declare_connect
+
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
+    declare_connect(parser)
     parser.positional("robots", "ROBOT", read=_robots, count="+", usage="ROBOT...")
 
 
@@ -170,15 +173,16 @@ def _befall(
     lengths: dict[str, float],
     *,
     robots: list[tuple[int, ...]],
-    folder: Path | None,
-    lab: str | None,
+    **place: Any,
 ) -> int:
     """Have the launcher perform a fault of robots."""
+    from rmr_deploy.fleet import at_place
     from rmr_deploy.robot_orders import give_order
     from rmr_deploy.run_choice import performed
 
     ids = [robot for group in robots for robot in group]
-    return performed(f"fault {verb}", lambda: give_order(order, ids, folder=folder, lab=lab, lengths=lengths))
+    told = {"verb": order, "robots": ids, "lengths": lengths, **place}
+    return performed(f"fault {verb}", lambda: at_place(give_order, acts=True, **told))
 
 
 def _clear(**place: Any) -> int:

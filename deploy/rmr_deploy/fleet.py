@@ -1,7 +1,8 @@
 """The verbs that show and steer a lab that runs, `rmr ls`, `rmr ps`, `rmr down` and so on.
 
 There is no daemon: a verb finds the run by its record (`active_runs`) and asks its launcher (`run_requests`). Importing
-this module loads next to nothing (see `rmr.entry`); a verb imports what carries it out, and only `rmr attach` the bus.
+this module loads next to nothing (see `rmr.entry`); a verb imports what carries it out, and the bus only with --connect
+and for `rmr attach`.
 """
 # ruff: noqa: PLC0415
 
@@ -46,6 +47,38 @@ def _declare_place(parser: "Parser") -> None:
     parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
 
 
+def _declare_places(parser: "Parser") -> None:
+    """Declare which run is meant, of this machine or of others."""
+    _declare_place(parser)
+    declare_connect(parser)
+
+
+def declare_connect(parser: "Parser") -> None:
+    """Declare where a lab over several hosts runs, of which this machine need be none."""
+    parser.option("--connect", metavar="ENDPOINT", help="Where the world of a lab over several hosts listens.")
+    parser.option("--secret", metavar="FILE", read=Path, help="Of its bus, with --connect.")
+    parser.option("--keys", metavar="DIR", read=Path, help="The folder with an operator's keys, with --connect.")
+
+
+def at_place(perform: Callable[..., int], *, acts: bool, **options: Any) -> int:
+    """Carry out `perform`, for the lab that --connect names if it does. Raises FleetError."""
+    from rmr.bus.certificates import credentials_path
+    from rmr.entry.command_line import CommandLineError
+
+    connect, secret, keys = (options.pop(name, None) for name in ("connect", "secret", "keys"))
+    if connect is None:
+        for word, value in (("--secret", secret), ("--keys", keys)):
+            if value is not None:
+                raise CommandLineError(f"{word} goes with --connect ENDPOINT")
+        return perform(**options)
+    if options["folder"] is not None:
+        raise CommandLineError("say --connect or --run, not both")
+    from rmr_deploy.remote_lab import opened_lab
+
+    with opened_lab(connect, credentials_path(secret, keys, [connect]), options["lab"], acts=acts) as there:
+        return perform(**options, there=there)
+
+
 def _declare_json(parser: "Parser") -> None:
     parser.flag("--json", dest="as_json", help="As JSON.")
 
@@ -58,7 +91,7 @@ def _declare_ls(parser: "Parser") -> None:
 def _declare_ps(parser: "Parser") -> None:
     parser.flag("-a", "--all", dest="everything", help="Processes that have ended, too; also after the run.")
     _declare_json(parser)
-    _declare_place(parser)
+    _declare_places(parser)
 
 
 def _declare_lines(parser: "Parser") -> None:
@@ -68,7 +101,7 @@ def _declare_lines(parser: "Parser") -> None:
     parser.option("--since", dest="since_s", metavar="T", read=_length_s, help="Of the last T, such as 10s, only.")
     parser.option("-n", "--tail", metavar="N", read=whole(0), help="The last N lines only, of those that are there.")
     parser.flag("--json", dest="as_json", help="A JSON object in each line.")
-    _declare_place(parser)
+    _declare_places(parser)
 
 
 def _declare_logs(parser: "Parser") -> None:
@@ -77,7 +110,7 @@ def _declare_logs(parser: "Parser") -> None:
 
 
 def _declare_robots(parser: "Parser") -> None:
-    _declare_place(parser)
+    _declare_places(parser)
     parser.positional("robots", "ROBOT", read=_robots, count="+", usage="ROBOT...")
 
 
@@ -107,7 +140,7 @@ def _declare_usage(parser: "Parser") -> None:
 def _declare_facts(parser: "Parser") -> None:
     parser.option("--predicate", metavar="NAME", help="Facts of this predicate only.")
     _declare_json(parser)
-    _declare_place(parser)
+    _declare_places(parser)
     parser.positional("robots", "ROBOT", read=_robots, count="*", usage="[ROBOT...]")
 
 
@@ -137,7 +170,7 @@ def _declare_down(parser: "Parser") -> None:
 
     parser.flag("--all", dest="everything", help="All labs that run on this machine.")
     parser.option("-t", "--timeout", dest="timeout_s", metavar="S", read=real(0), help="Then kill (default: 30).")
-    _declare_place(parser)
+    _declare_places(parser)
 
 
 def _declare_wait(parser: "Parser") -> None:
@@ -249,7 +282,8 @@ VERBS: dict[str, Row] = {
 ABOUT = """\
 Show and steer labs that run.
 
-A verb means the only lab that runs on this machine; if several run, choose with --run or --lab.
+A verb means the only lab that runs on this machine; if several run, choose with --run or --lab. With --connect many of
+them mean a lab over several hosts that runs on other machines.
 """
 
 
@@ -261,7 +295,10 @@ def command() -> "CommandGroup":
         def carry_out(**options: Any) -> int:
             from rmr_deploy.run_choice import performed
 
-            return performed(name, lambda: perform(**options))
+            if perform is _attach:
+                return performed(name, lambda: _attach(**options))
+            acts = name not in ("ps", "logs", "events", "facts")
+            return performed(name, lambda: at_place(perform, acts=acts, **options))
 
         return carry_out
 

@@ -17,8 +17,8 @@ from typing import Any
 from rmr.entry import ExitCode, print_json
 from rmr_deploy.active_runs import LAB_COPY, REPORT_FILE, LaunchedRun, active_runs, past_runs
 from rmr_deploy.process_identity import stat_fields
-from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown, where_it_looks
-from rmr_deploy.run_requests import RequestError, ask_launcher
+from rmr_deploy.run_choice import FleetError, Remote, Steered, check_robots, chosen_run, shown, where_it_looks
+from rmr_deploy.run_requests import RequestError
 
 PATIENCE_S = 1.5
 """Limit for the launcher's answer, which takes 0.1 s unless the machine is overloaded."""
@@ -87,9 +87,14 @@ def _lab_row(run: LaunchedRun) -> dict[str, Any]:
 # --- ps
 
 
-def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as_json: bool) -> int:
-    """Print the processes of a run, with `everything` also those that have ended. Raises FleetError."""
-    run = chosen_run(folder, lab, past=everything)
+def list_processes(
+    folder: Path | None, lab: str | None, *, everything: bool, as_json: bool, there: Remote | None = None
+) -> int:
+    """Print the processes of a run or of the lab that runs `there`, with `everything` also those that have ended.
+
+    Raises FleetError.
+    """
+    run = there or chosen_run(folder, lab, past=everything)
     rows = process_rows(run, lambda why: print(f"rmr ps: {why}; shown is what the system tells", file=sys.stderr))
     if not everything:
         rows = [row for row in rows if row["exit_code"] is None and row["state"] != "ended"]
@@ -103,7 +108,7 @@ def list_processes(folder: Path | None, lab: str | None, *, everything: bool, as
     return ExitCode.OK
 
 
-def told_status(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) -> dict[str, Any] | None:
+def told_status(run: Steered, note: Callable[[str], None] = lambda _: None) -> dict[str, Any] | None:
     """Return what the launcher tells of its run (`rmr_deploy.robot_lives`).
 
     None if it is not there or does not answer; `note` is called with the reason for the latter.
@@ -111,32 +116,28 @@ def told_status(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) 
     if not run.launched:
         return None
     try:
-        return ask_launcher(run.folder, {"do": "status"}, PATIENCE_S)
+        return run.ask({"do": "status"}, PATIENCE_S)
     except RequestError as error:
         note(str(error))
         return None
 
 
-def process_rows(run: LaunchedRun, note: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
+def process_rows(run: Steered, note: Callable[[str], None] = lambda _: None) -> list[dict[str, Any]]:
     """Return a row for each process of the run and robot in it; the launcher and the world come first.
 
     `note` is called with the reason why the launcher does not tell how its robots are, if it is there.
     """
     told = told_status(run, note)
-    if told is None:
-        return [_recorded_row(one.name, one.pid, one.lives) for one in _all(run)]
     launcher = run.launcher
     rows = [] if launcher is None else [_recorded_row("launcher", launcher.pid, launcher.lives)]
+    if told is None:
+        return rows + [_recorded_row(one.name, one.pid, one.lives) for one in run.processes]
     present: dict[str, list[dict[str, Any]]] = {}
     for robot in told["robots"]:
         present.setdefault(robot["process"], []).append(robot)
     for process in told["processes"]:
         rows += [_row(process, robot) for robot in present.get(process["name"], [{}])]
     return rows
-
-
-def _all(run: LaunchedRun) -> list[Any]:
-    return [*([run.launcher] if run.launcher is not None else []), *run.processes]
 
 
 def _row(process: dict[str, Any], robot: dict[str, Any]) -> dict[str, Any]:
@@ -245,10 +246,16 @@ def _usage_text(rows: list[dict[str, Any]]) -> str:
 
 
 def show_facts(
-    robots: Sequence[int], *, predicate: str | None, folder: Path | None, lab: str | None, as_json: bool
+    robots: Sequence[int],
+    *,
+    predicate: str | None,
+    folder: Path | None,
+    lab: str | None,
+    as_json: bool,
+    there: Remote | None = None,
 ) -> int:
     """Print the facts of robots, as the launcher heard last, or as the report has them. Raises FleetError."""
-    run = chosen_run(folder, lab, past=True)
+    run = there or chosen_run(folder, lab, past=True)
     check_robots(run, robots)
     wanted = robots or run.roster
     held = {str(robot): _facts(run, robot) for robot in wanted}
@@ -267,10 +274,10 @@ def _name(fact: str) -> str:
     return fact.lstrip("!?").partition("(")[0]
 
 
-def _facts(run: LaunchedRun, robot: int) -> list[str]:
-    if run.launched:
+def _facts(run: Steered, robot: int) -> list[str]:
+    if run.launched or not isinstance(run, LaunchedRun):
         try:
-            return _listed(ask_launcher(run.folder, {"do": "facts", "robot": robot}))
+            return _listed(run.ask({"do": "facts", "robot": robot}))
         except RequestError as error:
             raise FleetError(str(error), ExitCode.FAILED) from None
     path = run.folder / REPORT_FILE

@@ -5,9 +5,7 @@ run is over. The others compare their lab with its before they start a robot, an
 cut off is silent for a while and comes back; who is silent for `GONE_S` is taken for gone.
 """
 
-import asyncio
 import json
-import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
@@ -17,6 +15,7 @@ from rmr.bus.keys import Keys
 from rmr.bus.session import Bus
 from rmr_deploy.host_share import HostShare, difference, made_of, shown_robots
 from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_requests import Answer, read_answer
 from rmr_world.quorum import DIED, STOPPED, Fate
 
 TELL_S: Final = 1.0
@@ -28,8 +27,8 @@ SILENT_S: Final = 5.0
 GONE_S: Final = 60.0
 """Silence of a host after which it is taken for gone: cables are back in less, and robots find their world again."""
 
-ANSWER_S: Final = 4.0
-"""Limit for the answer of another host to an order; a person's command waits for 5 s."""
+ANSWER_S: Final = 2.0
+"""Limit for the answer of another host to an order, which takes twice that at worst: a command waits for 5 s."""
 
 TEXT_MAX: Final = 400
 """Characters of a reason or a folder that are told."""
@@ -49,16 +48,19 @@ class HostCompany:
     """The launchers of the hosts of one lab, as that of one host hears them."""
 
     def __init__(
-        self, plan: RunPlan, share: HostShare, bus: Bus, perform: Callable[[Mapping[str, Any]], str | None]
+        self,
+        plan: RunPlan,
+        share: HostShare,
+        bus: Bus,
+        perform: Callable[[Mapping[str, Any]], Answer | None],
+        look: Callable[[Mapping[str, Any]], Answer | None],
     ) -> None:
-        """`perform` carries out an order about an own robot and returns why it is refused; None: it has no such robot.
+        """`perform` carries out an order about an own robot, `look` answers a question; None: it is another's affair.
 
         Raises OSError if a file that all hosts must have alike cannot be read."""
         self._plan = plan
         self._share = share
         self._bus = bus
-        self._perform = perform
-        self._asked: dict[int, asyncio.Future[str]] = {}
         self._keys = Keys(plan.lab.name)
         self._shares = {host.name: host.robots for host in share.hosts}
         self._made_of = made_of(plan.lab, plan.program.digest, plan.options.actions)
@@ -70,39 +72,40 @@ class HostCompany:
         self.folders: dict[str, list[str]] = {}
         """The run folders of the other hosts that were heard of."""
         bus.subscribe(self._keys.host("*"), self._hear)
+        bus.serve(self._keys.order(share.here.name), lambda order, _: self._answer(order, perform))
+        bus.serve(self._keys.look(share.here.name), lambda order, _: self._answer(order, look))
 
-    # --- orders about robots of another host ---------------------------------------------------------------
+    # --- orders and questions ------------------------------------------------------------------------------
 
-    def order(self, host: str, request: Mapping[str, Any]) -> "asyncio.Future[str]":
+    async def order(self, host: str, request: Mapping[str, Any]) -> str:
         """Have the launcher of `host` carry out a request; return why it was refused, empty if it was not."""
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[str] = loop.create_future()
         if not self._is_there(host):
-            answer.set_result(f"host {host} is not there")
-            return answer
-        token = int.from_bytes(os.urandom(6))
-        self._asked[token] = answer
-        order = wire.HostOrder(host, token, json.dumps(dict(request)).encode())
-        self._bus.publish(self._keys.host(host), order)
-        silence = f"host {host} does not answer: whether it was carried out is not known"
-        loop.call_later(ANSWER_S, self._answered, wire.HostAnswer(token, silence))
-        return answer
+            return f"host {host} is not there"
+        order = wire.HostOrder(json.dumps(dict(request)).encode())
+        for reply, _ in await self._bus.ask(self._keys.order(host), order, ANSWER_S):
+            if isinstance(reply.body, wire.HostAnswer):
+                return str((read_answer(reply.body.answer) or {}).get("refused", ""))
+        return f"host {host} does not answer: whether it was carried out is not known"
 
-    def _answered(self, said: wire.HostAnswer) -> None:
-        answer = self._asked.pop(said.token, None)
-        if answer is not None and not answer.done():
-            answer.set_result(said.refused)
-
-    def _carry_out(self, order: wire.HostOrder) -> None:
-        """Carry out an order about a robot that this launcher has started; that of others is not its own affair."""
+    def _answer(
+        self, message: wire.Envelope, carry_out: Callable[[Mapping[str, Any]], Answer | None]
+    ) -> wire.HostAnswer | None:
+        """Return the answer to an order or a question; None where it is no affair of this launcher."""
+        if message.sender != wire.OPERATOR_ID or not isinstance(message.body, wire.HostOrder):
+            return None
         try:
-            request = json.loads(order.request)
+            request = json.loads(message.body.request)
         except (ValueError, RecursionError):
-            return
-        if order.host == self._share.here.name and isinstance(request, dict):
-            refused = self._perform(request)
-            if refused is not None:
-                self._bus.publish(self._keys.host(order.host), wire.HostAnswer(order.token, refused[:TEXT_MAX]))
+            return None
+        answer = carry_out(request) if isinstance(request, dict) else None
+        if answer is None:
+            return None
+        octets = json.dumps({"refused": answer} if isinstance(answer, str) else {"told": answer}).encode()
+        if len(octets) > wire.MESSAGE_OCTETS_MAX // 2:
+            octets = json.dumps(
+                {"refused": f"host {self._share.here.name} has more to tell than fits an answer"}
+            ).encode()
+        return wire.HostAnswer(self._share.here.name, octets)
 
     # --- what is told ----------------------------------------------------------------------------------------
 
@@ -130,13 +133,7 @@ class HostCompany:
 
     def _hear(self, _key: str, message: wire.Envelope) -> None:
         said = message.body
-        if message.sender != wire.OPERATOR_ID:
-            return
-        if isinstance(said, wire.HostOrder):
-            self._carry_out(said)
-        elif isinstance(said, wire.HostAnswer):
-            self._answered(said)
-        if not isinstance(said, wire.Launcher) or said.host not in self._shares:
+        if message.sender != wire.OPERATOR_ID or not isinstance(said, wire.Launcher) or said.host not in self._shares:
             return
         if said.host == self._share.here.name:
             self._twin |= message.run != self._bus.run and said.state != "left"
@@ -197,6 +194,10 @@ class HostCompany:
     def _is_there(self, name: str) -> bool:
         heard = self._heard.get(name)
         return heard is not None and self._lives(heard, GONE_S)
+
+    def staying(self) -> list[str]:
+        """Return the other hosts that were heard of just now, and have not left."""
+        return [name for name, heard in self._heard.items() if self._lives(heard)]
 
     def lost(self, *, started: bool) -> dict[int, Fate]:
         """Return what became of the robots of other hosts that are not there and will not be.

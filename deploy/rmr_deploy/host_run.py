@@ -7,8 +7,10 @@ its own robots; the run goes on without them.
 """
 
 import asyncio
+import os
 import shlex
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmr.bus.admission import why_no_session
@@ -17,9 +19,12 @@ from rmr.bus.process import Throttle
 from rmr.record.recording import PARTS_FOLDER
 from rmr_deploy.host_company import GONE_S, SILENT_S, HostCompany
 from rmr_deploy.host_share import HostShare
-from rmr_deploy.launch import LabRun
+from rmr_deploy.launch import FINAL_S_MAX, LEAVE_S_MAX, LabRun
 from rmr_deploy.preparation import RunPlan
-from rmr_deploy.run_end import who_ended
+from rmr_deploy.process_group import Child
+from rmr_deploy.robot_lives import told_facts
+from rmr_deploy.run_end import patiently, who_ended
+from rmr_deploy.run_logs import told_log
 from rmr_deploy.run_outcome import Elsewhere, RunOutcome
 from rmr_deploy.run_requests import Answer
 from rmr_deploy.screen import RobotLine, Screen
@@ -69,7 +74,7 @@ class HostRun(LabRun):
         return self._record_processes()
 
     async def _join(self, monitor: StatusMonitor) -> None:
-        self.company = company = HostCompany(self.plan, self._share, monitor.bus, self._asked)
+        self.company = company = HostCompany(self.plan, self._share, monitor.bus, self._asked, self._told)
         if self._share.has_world:
             return
         await self._until(lambda: bool(company.refusal()) or company.settled)
@@ -161,7 +166,7 @@ class HostRun(LabRun):
         robot = request.get("robot")
         is_order = request.get("do") not in ("facts", "outage")
         if is_order and self.company is not None and type(robot) is int and robot in self._elsewhere:
-            return self.company.order(self._share.host_of(robot), request)
+            return asyncio.ensure_future(self.company.order(self._share.host_of(robot), request))
         answer = super()._answer(request)
         if request.get("do") == "status" and isinstance(answer, dict):
             answer["processes"] += [self._process_elsewhere(robot) for robot in self._elsewhere]
@@ -187,8 +192,28 @@ class HostRun(LabRun):
         return {**told, "restarts": None, "ticks_late": late}
 
     def _asked(self, request: Mapping[str, Any]) -> str | None:
-        """Carry out what another launcher was asked; None if the robot is not of this one."""
+        """Carry out what another launcher or `rmr --connect` was asked; None if the robot is not of this one."""
+        if request.get("do") == "down" and self._share.has_world:
+            self._screen.say("stopping: rmr down on another machine")
+            self.outcome.interrupted = True
+            return ""
         return self._order(request) if request.get("robot") in self._robots else None
+
+    def _told(self, request: Mapping[str, Any]) -> Answer | None:
+        """Answer a question of `rmr --connect`; None while this host does not take part."""
+        if not (self._share.has_world or self._robots):
+            return None
+        if request.get("do") == "facts":
+            return told_facts(self.monitor, request.get("robot"))
+        if request.get("do") == "logs":
+            return told_log(self.plan.folder, request)
+        status = self._answer({"do": "status"})
+        assert isinstance(status, Mapping)
+        launcher = {"name": "launcher", "pid": os.getpid(), "state": "running", "exit_code": None}
+        launcher["up_s"] = round(time.monotonic() - self._began, 1)
+        shares = {host.name: list(host.robots) for host in self._share.hosts}
+        about = {"hub": self._share.hub.name, "shares": shares, "folder": str(self.plan.folder.absolute())}
+        return {**status, **about, "processes": [launcher, *status["processes"]]}
 
     def _gone_here(self) -> dict[int, str]:
         """Return what became of the own robots that are not there and will not be, in the words of `wire.ENDS`."""
@@ -227,6 +252,13 @@ class HostRun(LabRun):
         if self.company is not None and not self._share.has_world and not (self.company.is_twin and not self._robots):
             self.company.tell("left", self._gone_here(), reason=self.outcome.reason)
             await asyncio.sleep(LAST_WORD_S)
+
+    async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
+        await super()._end(children, asked=asked)
+        if self.company is not None and self._reaches_all() and self._share.has_world and not self.outcome.hurried:
+            # The last word of the other hosts comes through the world.
+            company = self.company
+            await patiently(lambda: not company.staying(), FINAL_S_MAX + LEAVE_S_MAX)
 
     def _reaches_all(self) -> bool:
         if self._share.has_world:

@@ -14,8 +14,8 @@ from typing import Any
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, recorded_run
 from rmr_deploy.fleet_listing import told_status
-from rmr_deploy.run_choice import FleetError, check_robots, chosen_run, shown
-from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError, ask_launcher
+from rmr_deploy.run_choice import FleetError, Remote, Steered, check_robots, chosen_run, shown
+from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError
 
 POLL_S = 0.05
 START_S = 35.0
@@ -61,14 +61,16 @@ def give_order(
     timeout_s: float = 10.0,
     force: bool = False,
     lengths: Mapping[str, float] | None = None,
+    there: Remote | None = None,
 ) -> int:
     """Give the order `verb` for each of `robots`; return the exit code. Raises FleetError.
 
-    `lengths` are those of a fault, by the name that they have in a request.
+    The lab is that which runs `there`, or a run on this machine. `lengths` are those of a fault, by the name that they
+    have in a request.
 
     One that is refused does not keep the others from being carried out.
     """
-    run = chosen_run(folder, lab)
+    run = there or chosen_run(folder, lab)
     check_robots(run, robots)
     if not run.launched:
         raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
@@ -90,7 +92,7 @@ def give_order(
     return code
 
 
-def wait_for_start(run: LaunchedRun, verb: str) -> None:
+def wait_for_start(run: Steered, verb: str) -> None:
     """Wait until all robots of `run` have been ready. Raises FleetError if it is over before, or takes too long."""
     end = time.monotonic() + START_S
     waiting = False
@@ -102,11 +104,11 @@ def wait_for_start(run: LaunchedRun, verb: str) -> None:
             raise FleetError(f"lab {run.lab} has not started within {START_S:g} s; see rmr ps", ExitCode.FAILED)
         time.sleep(POLL_S)
     if waiting and not run.launched:
-        message = f"lab {run.lab} was over before it had started; rmr events --run {shown(run.folder)} tells why"
-        raise FleetError(message, ExitCode.FAILED)
+        why = f"; rmr events --run {shown(run.folder)} tells why" if isinstance(run, LaunchedRun) else ""
+        raise FleetError(f"lab {run.lab} was over before it had started{why}", ExitCode.FAILED)
 
 
-def _starts(run: LaunchedRun, *, known: bool) -> bool:
+def _starts(run: Steered, *, known: bool) -> bool:
     """Whether the launcher of `run` says that the lab starts.
 
     One of which that is `known`, and which does not answer now, is busy or ends: until it has ended it starts.
@@ -115,9 +117,7 @@ def _starts(run: LaunchedRun, *, known: bool) -> bool:
     return known and run.launched if told is None else told["ready_s"] is None
 
 
-def _order(
-    run: LaunchedRun, verb: str, robot: int, more: Mapping[str, float], timeout_s: float, *, force: bool
-) -> None:
+def _order(run: Steered, verb: str, robot: int, more: Mapping[str, float], timeout_s: float, *, force: bool) -> None:
     """Have an order carried out and wait for its effect. Raises RequestError."""
     if verb == "restart" and force and _process(run, robot)["state"] != "ended":
         _stop(run, robot, timeout_s)
@@ -130,17 +130,17 @@ def _order(
         _wait_for_end(run, robot, KILL_S)
 
 
-def _ask(run: LaunchedRun, request: Mapping[str, Any]) -> None:
+def _ask(run: Steered, request: Mapping[str, Any]) -> None:
     """Have a request carried out; one whose answer could not be written was, too. Raises RequestError."""
     try:
-        ask_launcher(run.folder, request)
+        run.ask(request)
     except UnwrittenError as error:
         if not error.done:
             raise
         print(f"rmr {NAMES.get(request['do'], request['do'])}: {error}", file=sys.stderr)
 
 
-def _stop(run: LaunchedRun, robot: int, timeout_s: float) -> None:
+def _stop(run: Steered, robot: int, timeout_s: float) -> None:
     _ask(run, {"do": "stop", "robot": robot})
     if not _wait_for_end(run, robot, timeout_s):
         _ask(run, {"do": "kill", "robot": robot})
@@ -148,7 +148,7 @@ def _stop(run: LaunchedRun, robot: int, timeout_s: float) -> None:
         _wait_for_end(run, robot, KILL_S)
 
 
-def _wait_for_end(run: LaunchedRun, robot: int, patience_s: float) -> bool:
+def _wait_for_end(run: Steered, robot: int, patience_s: float) -> bool:
     """Wait until the process of `robot` has ended, or the run has; return whether it did in time."""
     end = time.monotonic() + patience_s
     while run.launched and _process(run, robot)["state"] != "ended":
@@ -158,13 +158,14 @@ def _wait_for_end(run: LaunchedRun, robot: int, patience_s: float) -> bool:
     return True
 
 
-def _process(run: LaunchedRun, robot: int) -> dict[str, Any]:
+def _process(run: Steered, robot: int) -> dict[str, Any]:
     """Return the name and state of the present process of `robot`.
 
     While the run ends the launcher does not answer: the system is asked then.
     """
     told = told_status(run)
     if told is None:
+        assert isinstance(run, LaunchedRun), "a lab on other machines answers, or ends the verb"
         processes = recorded_run(run.folder).processes or run.processes
         found = [one for one in processes if one.name.partition(".")[0] == f"robot-{robot}"]
         return {"name": found[-1].name if found else "", "state": "running" if found and found[-1].lives else "ended"}

@@ -1,20 +1,59 @@
 """Which run a verb such as `rmr ps` means: the one that is named, or the only one that runs on this machine."""
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Protocol
 
 from rmr.base.ids import spelled
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import (
     RUNS,
     LaunchedRun,
+    RecordedProcess,
     active_runs,
     is_ours,
     past_runs,
     recorded_run,
     register_places,
 )
+
+
+class Steered(Protocol):
+    """What a verb shows or steers: a run of this machine (`LaunchedRun`), or a lab of others (`Remote`)."""
+
+    @property
+    def lab(self) -> str:
+        """Its name."""
+
+    @property
+    def roster(self) -> tuple[int, ...]:
+        """The ids of its robots; empty where they are not known."""
+
+    @property
+    def launched(self) -> bool:
+        """Whether it goes on, with a launcher."""
+
+    @property
+    def launcher(self) -> RecordedProcess | None:
+        """The launcher, on this machine."""
+
+    @property
+    def processes(self) -> Sequence[RecordedProcess]:
+        """The processes that it has started, on this machine."""
+
+    def ask(self, request: Mapping[str, Any], patience_s: float | None = None) -> dict[str, Any]:
+        """Return the launcher's answer. Raises RequestError, FleetError."""
+
+
+class Remote(Steered, Protocol):
+    """A lab over several hosts, which are asked on the bus (`rmr_deploy.remote_lab`)."""
+
+    def logs(self, robots: Sequence[int], *, events_only: bool) -> list[Any]:
+        """Return the logs of each host (`rmr_deploy.run_logs.RunLogs`)."""
+
+    def bring_down(self, timeout_s: float) -> str:
+        """End the lab on all hosts; return a sentence. Raises FleetError."""
 
 
 class FleetError(Exception):
@@ -131,7 +170,7 @@ def shown(folder: Path) -> str:
     return str(folder.relative_to(here)) if folder.is_relative_to(here) and folder != here else str(folder)
 
 
-def check_robots(run: LaunchedRun, robots: Iterable[int]) -> None:
+def check_robots(run: Steered, robots: Iterable[int]) -> None:
     """Raise FleetError if the lab of `run` lacks one of `robots`."""
     unknown = [robot for robot in robots if run.roster and robot not in run.roster]
     if unknown:

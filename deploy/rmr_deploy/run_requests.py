@@ -80,7 +80,7 @@ async def put_request(folder: Path, request: Mapping[str, Any]) -> None:
         _check_patience(stem, end)
         await asyncio.sleep(POLL_S)
     try:
-        _told(answer)
+        told_by(answer)
     except UnwrittenError as error:
         if not error.done:
             raise
@@ -93,7 +93,7 @@ def ask_launcher(folder: Path, request: Mapping[str, Any], patience_s: float | N
     while (answer := _answer(stem)) is None:
         _check_patience(stem, end)
         time.sleep(POLL_S)
-    return _told(answer)
+    return told_by(answer)
 
 
 def _put(folder: Path, request: Mapping[str, Any]) -> Path:
@@ -124,7 +124,8 @@ def _check_patience(stem: Path, end: float) -> None:
         raise UnansweredError("the launcher of this run does not answer")
 
 
-def _told(answer: Mapping[str, Any] | UnwrittenError) -> dict[str, Any]:
+def told_by(answer: Mapping[str, Any] | UnwrittenError) -> dict[str, Any]:
+    """Return what a launcher tells in its `answer`. Raises RequestError."""
     if isinstance(answer, UnwrittenError):
         raise answer
     if refused := answer.get("refused"):
@@ -133,14 +134,25 @@ def _told(answer: Mapping[str, Any] | UnwrittenError) -> dict[str, Any]:
     return told if isinstance(told, dict) else {}
 
 
+def read_answer(octets: bytes) -> dict[str, Any] | None:
+    """Return the answer in `octets`; None where that is no JSON, as of a file that is still written."""
+    try:
+        answer = json.loads(octets)
+    except (ValueError, RecursionError):
+        return None
+    return answer if isinstance(answer, dict) else {}
+
+
 def _answer(stem: Path) -> dict[str, Any] | UnwrittenError | None:
     path = stem.with_suffix(ANSWER)
     try:
-        answer = json.loads(path.read_text())
-    except (OSError, ValueError):
+        answer = read_answer(path.read_bytes())
+    except OSError:
+        answer = None
+    if answer is None:
         return _unwritten(path)
     path.unlink(missing_ok=True)
-    return answer if isinstance(answer, dict) else {}
+    return answer
 
 
 def serve_requests(folder: Path, perform: "Callable[[Mapping[str, Any]], Answer | Future[str]]") -> None:

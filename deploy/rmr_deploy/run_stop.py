@@ -14,26 +14,40 @@ from pathlib import Path
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, RecordedProcess, active_runs, recorded_run
 from rmr_deploy.process_identity import signal_process
-from rmr_deploy.run_choice import FleetError, chosen_run, shown
+from rmr_deploy.run_choice import FleetError, Remote, chosen_run, shown
 from rmr_deploy.run_logs import last_event
 
 POLL_S = 0.02
+DOWN_S = 30.0
+"""Limit for a launcher to stop its run in order: it takes five seconds, and longer where it joins a recording."""
 TERM_S = 2.0
 """Limit for a process without a launcher to exit after SIGTERM, and to end after SIGKILL."""
 
 
-def bring_down(folder: Path | None, lab: str | None, *, everything: bool, timeout_s: float | None) -> int:
-    """End a run, or with `everything` all that run on this machine; return the exit code. Raises FleetError."""
-    if everything and (folder is not None or lab is not None):
-        raise FleetError("--all goes without --run and --lab")
+def bring_down(
+    folder: Path | None,
+    lab: str | None,
+    *,
+    everything: bool,
+    timeout_s: float | None,
+    there: Remote | None = None,
+) -> int:
+    """End a run, the lab that runs `there`, or with `everything` all that run on this machine; return the exit code.
+
+    Raises FleetError.
+    """
+    if everything and (folder is not None or lab is not None or there is not None):
+        raise FleetError("--all goes without --run, --lab and --connect")
+    if there is not None:
+        print(there.bring_down(DOWN_S if timeout_s is None else timeout_s))
+        return ExitCode.OK
     runs = active_runs() if everything else [chosen_run(folder, lab)]
     if not runs:
         print("no lab runs on this machine")
     launchers = [run.launcher for run in runs if run.launcher is not None]
     for launcher in launchers:  # all at once
         _signal([launcher], signal.SIGTERM)
-    # To stop a run in order takes a launcher five seconds, and longer where it joins a recording.
-    return max((_ended(run, 30.0 if timeout_s is None else timeout_s) for run in runs), default=ExitCode.OK)
+    return max((_ended(run, DOWN_S if timeout_s is None else timeout_s) for run in runs), default=ExitCode.OK)
 
 
 def _ended(run: LaunchedRun, patience_s: float) -> int:

@@ -12,6 +12,8 @@
     rmr/{lab}/ops/{who}/status    status of a robot or the world
     rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
     rmr/{lab}/hosts/{host}        launchers among each other: how the robots of a host are, and what runs there
+    rmr/{lab}/hosts/{host}/order  launcher of a host: carries out what a person asks of its robots, or of the lab
+    rmr/{lab}/hosts/{host}/look   launcher of a host: answers how its processes are, and with their logs
     rmr/{lab}/load/{id}           operator -> robot: a new program, in fragments
     rmr/{lab}/load/operator/{id}  robot -> operator: the answers
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
@@ -118,6 +120,14 @@ class Keys:
     def host(self, host: str) -> str:
         """Return the key of what the launcher of a host (``*``: any) tells the others."""
         return f"rmr/{self.lab}/hosts/{host}"
+
+    def order(self, host: str) -> str:
+        """Return the key of orders to the launcher of a host."""
+        return f"{self.host(host)}/order"
+
+    def look(self, host: str) -> str:
+        """Return the key of questions to the launcher of a host (``*``: any)."""
+        return f"{self.host(host)}/look"
 
     def load(self, robot: int) -> str:
         """Return the key of what a robot is told about new programs."""

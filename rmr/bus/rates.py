@@ -41,7 +41,7 @@ RATES: Final[dict[str, Rate]] = {
     "disturbances": Rate(100, 200, "rmr load asks 20 times a second until lab time runs; all operators are one sender"),
     "silence": Rate(20, 60, "a person asks"),
     "stop": Rate(20, 60, "a person asks"),
-    "hosts": Rate(200, 400, "each launcher once a second, and at changes; all are one sender"),
+    "hosts": Rate(200, 400, "each launcher once a second, rmr logs for 128 KiB at a time; all are one sender"),
     "truth": Rate(30, 120, "the world tells of all poses ten times a second"),
     "other": Rate(20, 60, "nothing else is said often"),
 }

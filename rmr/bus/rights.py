@@ -39,12 +39,14 @@ RIGHTS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "operator": {
         "puts": ("silence", "ops/*/stop", "hosts/*", "load/*", "echo/operator/0/*"),
         "hears": ("truth", "ops/*/status", "hosts/*", "load/operator/*", "echo/operator/0/*"),
-        "asks": ("disturbances",),
+        "asks": ("disturbances", "hosts/*/order", "hosts/*/look"),
+        "serves": ("hosts/*/order", "hosts/*/look"),  # a launcher
         "watches": ("alive/robot/*", "alive/world/0"),
     },
     "viewer": {
         "puts": ("echo/viewer/0/*",),
-        "hears": ("truth", "ops/*/status", "echo/viewer/0/*"),
+        "hears": ("truth", "ops/*/status", "hosts/*", "echo/viewer/0/*"),
+        "asks": ("hosts/*/look",),
         "watches": ("alive/robot/*", "alive/world/0"),
     },
 }

@@ -303,11 +303,8 @@ class Launcher(NamedTuple):
 
 
 class HostOrder(NamedTuple):
-    """Please carry out what a person asks of a robot of your host: from one launcher to another."""
+    """Please carry out what a person asks of a robot of your host, or answer it."""
 
-    host: str
-    token: int
-    """Names the order in its answer."""
     request: bytes
     """As a file with a request has it (`rmr_deploy.run_requests`)."""
 
@@ -315,9 +312,9 @@ class HostOrder(NamedTuple):
 class HostAnswer(NamedTuple):
     """What became of such an order."""
 
-    token: int
-    refused: str
-    """Why it was not carried out; else empty."""
+    host: str
+    answer: bytes
+    """As a file with an answer has it."""
 
 
 # --- the table ------------------------------------------------------------------------------------------
@@ -445,8 +442,8 @@ TABLE: Final = (
     Row(17, LoadOutcome, (octets(MESSAGE_OCTETS_MAX), people)),
     Row(18, Silence, (robot, instant)),
     Row(19, Launcher, _LAUNCHER),
-    Row(20, HostOrder, (lab_name, count, octets(REQUEST_OCTETS_MAX))),
-    Row(21, HostAnswer, (count, people)),
+    Row(20, HostOrder, (octets(REQUEST_OCTETS_MAX),)),
+    Row(21, HostAnswer, (lab_name, octets(MESSAGE_OCTETS_MAX))),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

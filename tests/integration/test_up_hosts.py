@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 def network():
     if why := not_permitted():
         pytest.skip(why)
-    network = Network("abc")
+    network = Network("abcd")  # d is no host of the lab
     yield network
     network.remove()
 
@@ -55,6 +55,17 @@ class Hosts:
         for one in started.values():
             one.wait_for("robots ready after")
         return started
+
+    def ask(self, host, *words):
+        """Carry out `rmr` on `host`, and wait for its end; no run of this machine is found there."""
+        command = [*self.network.on(host), sys.executable, "-m", "rmr", *map(str, words)]
+        environment = os.environ | {"RMR_REGISTER": str(self.folder / "nothing")}
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, env=environment)
+
+    @property
+    def place(self):
+        """The options of a verb on another machine."""
+        return "--connect", f"tcp/{self.network.address('a')}:17447", "--secret", self.folder / "secret"
 
     def kill(self, host, robot):
         """Kill the process of a robot as a failure would."""
@@ -175,7 +186,11 @@ def test_hosts_with_keys_are_one_lab_and_each_has_its_own_bundles_alone(hosts):
         file.write("bus: {security: mtls}\n")
     ca = Authority.begin(hosts.folder / "ca")
     robots = {"b": (1, 2, 3), "c": (4, 5, 6)}
-    for who in (holder("operator", "ann"), *(holder("robot", str(robot)) for robot in range(1, 7))):
+    for who in (
+        holder("operator", "ann"),
+        holder("viewer", "bob"),
+        *(holder("robot", str(robot)) for robot in range(1, 7)),
+    ):
         ca.issue(who)
     ca.issue(holder("world"), [hosts.network.address("a")])
     for host, own in robots.items():
@@ -184,7 +199,18 @@ def test_hosts_with_keys_are_one_lab_and_each_has_its_own_bundles_alone(hosts):
         for robot in own:
             write_bundle(ca.bundle(holder("robot", str(robot))), hosts.folder / f"keys-{host}" / f"robot-{robot}")
     keys = {"a": hosts.folder / "ca", "b": hosts.folder / "keys-b", "c": hosts.folder / "keys-c"}
+    for who in (holder("operator", "ann"), holder("viewer", "bob")):
+        write_bundle(ca.bundle(who), hosts.folder / who.name)
     started = {host: hosts.up(host, lab=lab, admission=("--keys", folder)) for host, folder in keys.items()}
+    started["a"].wait_for("robots ready after")
+    place = ("--connect", f"tls/{hosts.network.address('a')}:17447", "--keys")
+    assert "c/robot-4" in hosts.ask("d", "ps", *place, hosts.folder / "bob").stdout
+    refused = hosts.ask("d", "pause", "4", *place, hosts.folder / "bob")
+    assert refused.stderr.endswith(
+        "/bob: the keys of viewer/bob, where those of operator are needed; issue them with rmr keys issue\n"
+    )
+    assert hosts.ask("d", "pause", "4", *place, hosts.folder / "ann").stdout == "robot 4 is paused\n"
+    assert hosts.ask("d", "unpause", "4", *place, hosts.folder / "ann").stdout == "robot 4 is going on\n"
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, [one.said() for one in started.values()]
     assert (hosts.report()["finished"], hosts.report()["dead"]) == (True, [])
 
@@ -193,8 +219,7 @@ def test_a_robot_is_shown_and_steered_from_every_host(hosts):
     started = hosts.all_up()
 
     def ask(host, *words):
-        command = [*hosts.network.on(host), sys.executable, "-m", "rmr", *words, "--run", hosts.folder / host]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+        return hosts.ask(host, *words, "--run", hosts.folder / host)
 
     shown = ask("a", "ps").stdout
     assert [line.split()[0] for line in shown.splitlines()[3:]] == [f"{'bc'[n > 3]}/robot-{n}" for n in range(1, 7)]
@@ -208,6 +233,77 @@ def test_a_robot_is_shown_and_steered_from_every_host(hosts):
     assert ask("a", "unpause", "1").stdout == "robot 1 is going on\n"
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
     assert hosts.report()["robots"]["4"]["restarts"] == 1
+
+
+def test_a_lab_is_shown_steered_and_ended_from_a_machine_that_is_no_host(hosts):
+    started = hosts.all_up(a=("--keep-going",))
+
+    def ask(*words):
+        return hosts.ask("d", *words, *hosts.place)
+
+    names = [line.split()[0] for line in ask("ps").stdout.splitlines()]
+    assert names == [
+        *("NAME", "a/launcher", "a/world", "b/launcher", "b/robot-1", "b/robot-2", "b/robot-3"),
+        *("c/launcher", "c/robot-4", "c/robot-5", "c/robot-6"),
+    ]
+    assert ask("kill", "4").stdout == "robot 4 is killed\n"
+    assert ask("kill", "4").stderr == "rmr kill: robot 4 is dead already\n"
+    gone = next(line for line in ask("ps", "-a").stdout.splitlines() if "robot-4" in line)
+    assert gone.split()[:3] == ["c/robot-4", "killed", "(9)"]
+    assert ask("restart", "4").stdout == "robot 4 is started again\n"
+    started["c"].wait_for("robot 4 is started again")
+    assert ask("fault", "stall", "1", "--for", "100ms").stdout == "robot 1 is stalled\n"
+    assert ask("pause", "2,5").stdout == "robot 2 is paused\nrobot 5 is paused\n"
+    assert ask("unpause", "2").stdout == "robot 2 is going on\n"  # 5 keeps the run from its end meanwhile
+    assert "due(@1, " in ask("facts", "1").stdout
+    assert "c/rmr up   kill robot 4" in ask("events").stdout
+    for words, code, why in (
+        (("kill", "9"), 2, "rmr kill: lab corridor has no robot 9: it has 1-6\n"),
+        (("ps", "--lab", "hall"), 1, f"rmr ps: no lab hall runs at {hosts.place[1]}, but corridor\n"),
+        (("down", "--all"), 2, "rmr down: --all goes without --run, --lab and --connect\n"),
+    ):
+        assert (ask(*words).returncode, ask(*words).stderr) == (code, why)
+    whose = {line.split()[2] for line in ask("logs", "6").stdout.splitlines()}
+    assert whose == {"c/robot-6", "a/rmr", "c/rmr"}, "what the robot writes, and what its launchers say of it"
+    follows = [*hosts.network.on("d"), sys.executable, "-m", "rmr", "events", "-f", *map(str, hosts.place)]
+    with subprocess.Popen(follows, stdout=subprocess.PIPE, text=True) as followed:
+        assert "lab corridor starts" in followed.stdout.readline()
+        said = ask("down").stdout
+        assert "a/rmr up   interrupted" in followed.stdout.read()
+    assert said == f"lab corridor is down on host a, b, c; the report is on host a, in {hosts.folder / 'a'}\n"
+    assert followed.returncode == 0
+    assert ended(started) == {"a": 1, "b": 1, "c": 1}
+    assert hosts.report()["reason"] == "interrupted"
+
+
+def test_a_host_that_is_cut_off_keeps_no_verb_waiting(hosts):
+    hosts.all_up()
+    hosts.network.cut("c")
+    began = time.monotonic()
+    shown = hosts.ask("d", "ps", *hosts.place).stdout.splitlines()
+    assert "c/robot-4" in {line.split()[0] for line in shown}, "what the world's host knows of it"
+    assert "c/launcher" not in {line.split()[0] for line in shown}
+    refused = hosts.ask("d", "kill", "4", *hosts.place)
+    assert refused.stderr == f"rmr kill: the launcher of host c does not answer at {hosts.place[1]}\n"
+    assert refused.returncode == 1
+    said = hosts.ask("d", "down", *hosts.place).stdout
+    assert said.startswith("lab corridor is down on host a, b; host c has not said so; the report is on host a"), said
+    assert time.monotonic() - began < 60
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "why"),
+    [
+        ("tcp/10.77.0.1:17448", "nobody listens at tcp/10.77.0.1:17448"),
+        ("tcp/10.77.0.9:17447", "nobody listens at tcp/10.77.0.9:17447"),
+        ("tcp/nowhere.invalid:17447", "no world at tcp/nowhere.invalid:17447: there is no host nowhere.invalid"),
+    ],
+)
+def test_an_endpoint_where_nobody_is_is_said_within_5_s(hosts, endpoint, why):
+    began = time.monotonic()
+    done = hosts.ask("d", "ps", "--connect", endpoint, "--secret", hosts.folder / "secret")
+    assert (done.returncode, done.stderr) == (1, f"rmr ps: {why}\n")
+    assert time.monotonic() - began < 5 + 5, "5 s, and the start of a process on a busy machine"
 
 
 def test_a_host_whose_world_does_not_come_says_what_it_waited_for(hosts):

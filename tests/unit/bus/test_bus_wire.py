@@ -196,8 +196,8 @@ MESSAGES = {
     ),
     wire.Stop: st.builds(wire.Stop, lines),
     wire.Silence: st.builds(wire.Silence, robots, instants),
-    wire.HostOrder: st.builds(wire.HostOrder, labs, counts, st.binary(max_size=9)),
-    wire.HostAnswer: st.builds(wire.HostAnswer, counts, lines),
+    wire.HostOrder: st.builds(wire.HostOrder, st.binary(max_size=9)),
+    wire.HostAnswer: st.builds(wire.HostAnswer, labs, st.binary(max_size=9)),
     wire.Launcher: st.builds(
         wire.Launcher,
         labs,

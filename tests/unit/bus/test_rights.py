@@ -82,6 +82,8 @@ USED = [
         *(
             _OF.silence,
             _OF.host("a"),
+            _OF.order("a"),
+            _OF.look("a"),
             _OF.truth,
             _OF.status(1),
             _OF.status(WORLD),

@@ -202,9 +202,24 @@ class OneBus:
 
     def __init__(self):
         self.said = []
+        self.served = {}
+        self.replies = {}
 
     def subscribe(self, _key, handler):
         self.handler = handler
+
+    def serve(self, key, answer):
+        self.served[key] = answer
+
+    async def ask(self, key, body, _timeout_s):
+        """Return the reply that was put under the order, if any."""
+        reply = self.replies.get((key, body.request))
+        return [] if reply is None else [(wire.Envelope(wire.OPERATOR_ID, 2, 1, reply), 0)]
+
+    def ordered(self, key, request, sender=wire.OPERATOR_ID):
+        """Return the answer to a request on `key`; None where there is none."""
+        reply = self.served[key](wire.Envelope(sender, 2, 1, wire.HostOrder(request)), 0)
+        return None if reply is None else (reply.host, json.loads(reply.answer))
 
     def publish(self, key, body):
         self.said.append((key, body))
@@ -226,7 +241,7 @@ def company(folder):
             orders.append(request)
             return "robot 2 is dead" if request["robot"] == 2 else "" if request["robot"] == 3 else None
 
-        company = HostCompany(made, made.share, bus, perform)
+        company = HostCompany(made, made.share, bus, perform, lambda request: {"asked": request})
         company.orders = orders
         return company, bus
 
@@ -331,38 +346,37 @@ def test_a_robot_that_a_person_has_killed_has_died_and_ends_no_run(company):
 
 def test_an_order_is_carried_out_by_the_launcher_of_the_robots_host_and_answered(company):
     b, bus = company("b")
-    for host, robot in (("b", 2), ("b", 3), ("b", 9), ("c", 2)):
-        request = json.dumps({"do": "kill", "robot": robot}).encode()
-        bus.hear(wire.HostOrder(host, 70 + robot, request))
-    bus.hear(wire.HostOrder("b", 80, b"{"))
-    bus.hear(wire.HostOrder("b", 81, b"[]"))
-    bus.hear(wire.HostOrder("b", 82, b'{"do": "kill", "robot": 2}'), sender=1)
+    key = "rmr/corridor/hosts/b/order"
+    answers = [bus.ordered(key, json.dumps({"do": "kill", "robot": robot}).encode()) for robot in (2, 3, 9)]
+    assert answers == [("b", {"refused": "robot 2 is dead"}), ("b", {"refused": ""}), None]
+    assert [bus.ordered(key, octets) for octets in (b"{", b"[]", b"[" * 4096)] == [None] * 3
+    assert bus.ordered(key, b'{"do": "kill", "robot": 2}', sender=1) is None
     assert [order["robot"] for order in b.orders] == [2, 3, 9]
-    assert bus.said == [
-        ("rmr/corridor/hosts/b", wire.HostAnswer(72, "robot 2 is dead")),
-        ("rmr/corridor/hosts/b", wire.HostAnswer(73, "")),
-    ]
 
 
-def test_an_order_to_another_host_is_answered_by_it_or_by_its_silence(company, monkeypatch):
+def test_a_question_is_answered_and_one_whose_answer_is_too_long_is_refused(company):
+    _, bus = company("b")
+    key = "rmr/corridor/hosts/b/look"
+    assert bus.ordered(key, b'{"do": "status"}') == ("b", {"told": {"asked": {"do": "status"}}})
+    refused = ("b", {"refused": "host b has more to tell than fits an answer"})
+    assert bus.ordered(key, json.dumps({"do": "x" * wire.MESSAGE_OCTETS_MAX}).encode()) == refused
+
+
+def test_an_order_to_another_host_is_answered_by_it_or_by_its_silence(company):
     a, bus = company("a")
     b = told(company, "b")
-    monkeypatch.setattr("rmr_deploy.host_company.ANSWER_S", 0.05)
 
-    async def ask():
-        nobody = await a.order("c", {"do": "kill", "robot": 4})
-        bus.hear(b)
-        first = a.order("b", {"do": "kill", "robot": 2})
-        (_, order) = bus.said[-1]
-        bus.hear(wire.HostAnswer(order.token + 1, "of another"))
-        bus.hear(wire.HostAnswer(order.token, "robot 2 is dead"))
-        return nobody, await first, await a.order("b", {"do": "kill", "robot": 3})
+    async def ask(host, robot):
+        return await a.order(host, {"do": "kill", "robot": robot})
 
-    assert asyncio.run(ask()) == (
-        "host c is not there",
-        "robot 2 is dead",
-        "host b does not answer: whether it was carried out is not known",
-    )
+    for octets, robot in ((b'{"refused": "robot 2 is dead"}', 2), (b"{", 3)):
+        request = json.dumps({"do": "kill", "robot": robot}).encode()
+        bus.replies["rmr/corridor/hosts/b/order", request] = wire.HostAnswer("b", octets)
+    assert asyncio.run(ask("c", 4)) == "host c is not there"
+    bus.hear(b)
+    assert asyncio.run(ask("b", 2)) == "robot 2 is dead"
+    assert asyncio.run(ask("b", 3)) == "", "what is no answer refuses nothing"
+    assert asyncio.run(ask("b", 1)) == "host b does not answer: whether it was carried out is not known"
 
 
 def test_news_are_told_at_once_and_the_same_again_after_a_while(company, monkeypatch):

@@ -129,8 +129,8 @@ MESSAGES = [
     wire.LoadOrder(b"no program", (1, 2), False, True),
     wire.LoadOutcome(b"{}", ""),
     wire.Silence(1, NS_PER_S),
-    wire.HostOrder("b", 5, b'{"do": "kill", "robot": 1}'),
-    wire.HostAnswer(5, "there is no such robot"),
+    wire.HostOrder(b'{"do": "kill", "robot": 1}'),
+    wire.HostAnswer("b", b'{"refused": "there is no such robot"}'),
     wire.Launcher("b", "running", (("a", ()), ("b", (1, 2))), (("rmr", "1"),), ((2, "died"),), "runs/x", False, ""),
 ]
 

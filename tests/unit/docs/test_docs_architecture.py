@@ -84,6 +84,8 @@ def bus_keys():
         keys.status("WHO"),
         keys.stop("WHO"),
         keys.host("HOST"),
+        keys.order("HOST"),
+        keys.look("HOST"),
         keys.load("ID"),
         keys.answers("ID"),
         keys.alive("ROLE", "ID"),
