@@ -15,6 +15,7 @@ from rmr.bus.keys import Keys
 from rmr.bus.session import Bus
 from rmr_deploy.host_share import HostShare, difference, made_of, shown_robots
 from rmr_deploy.preparation import RunPlan
+from rmr_deploy.run_outcome import Befell, read_befell
 from rmr_deploy.run_requests import Answer, read_answer
 from rmr_world.quorum import DIED, STOPPED, Fate
 
@@ -65,12 +66,14 @@ class HostCompany:
         self._shares = {host.name: host.robots for host in share.hosts}
         self._made_of = made_of(plan.lab, plan.program.digest, plan.options.actions)
         self._heard: dict[str, _Heard] = {}
-        self._told = wire.Launcher(share.here.name, "waiting", (), (), (), "", False, "")
+        self._told = wire.Launcher(share.here.name, "waiting", (), (), (), "", False, "", b"")
         self._told_s = 0.0
         self._twin = False
         self._began = time.monotonic()
         self.folders: dict[str, list[str]] = {}
         """The run folders of the other hosts that were heard of."""
+        self.befell: dict[tuple[str, int], Befell] = {}
+        """What befell their robots, by host and the number of the session of its launcher."""
         bus.subscribe(self._keys.host("*"), self._hear)
         bus.serve(self._keys.order(share.here.name), lambda order, _: self._answer(order, perform))
         bus.serve(self._keys.look(share.here.name), lambda order, _: self._answer(order, look))
@@ -110,7 +113,13 @@ class HostCompany:
     # --- what is told ----------------------------------------------------------------------------------------
 
     def tell(
-        self, state: str, gone: Mapping[int, str] | None = None, *, finished: bool = False, reason: str = ""
+        self,
+        state: str,
+        gone: Mapping[int, str] | None = None,
+        *,
+        finished: bool = False,
+        reason: str = "",
+        befell: bytes = b"",
     ) -> None:
         """Tell how this host is, if that is news or was told `TELL_S` ago.
 
@@ -125,6 +134,7 @@ class HostCompany:
             str(self._plan.folder.absolute())[:TEXT_MAX],
             finished,
             reason[:TEXT_MAX],
+            befell,
         )
         if news != self._told or time.monotonic() - self._told_s >= TELL_S:
             self._told = news
@@ -141,6 +151,7 @@ class HostCompany:
         before = self._heard.get(said.host)
         if before is not None and before.run != message.run and self._lives(before):
             return  # a second one in the name of a host is about to be refused
+        self.befell[said.host, message.run] = read_befell(said.befell)
         self._heard[said.host] = _Heard(said, message.run, time.monotonic())
         if said.folder not in (known := self.folders.setdefault(said.host, [])):
             known.append(said.folder)

@@ -23,7 +23,7 @@ from rmr_deploy.launch import FINAL_S_MAX, LEAVE_S_MAX, LabRun
 from rmr_deploy.preparation import RunPlan
 from rmr_deploy.process_group import Child
 from rmr_deploy.robot_lives import told_facts
-from rmr_deploy.run_end import patiently, who_ended
+from rmr_deploy.run_end import patiently, who_came_back, who_ended
 from rmr_deploy.run_logs import told_log
 from rmr_deploy.run_outcome import Elsewhere, RunOutcome
 from rmr_deploy.run_requests import Answer
@@ -46,6 +46,8 @@ class HostRun(LabRun):
         """What was said last about each topic."""
         self._noted: dict[int, Fate] = {}
         """Robots of other hosts whose end was said."""
+        self._told_entries: dict[tuple[str, int], list[tuple[str, Any, Any]]] = {}
+        """What befell the robots of other hosts, as far as it was said."""
         self.waiting = Throttle(self._say_waiting, SAY_AGAIN_S)
         if not share.has_world:  # the world's host ends the run
             self._limit_s = plan.options.timeout_s or float("inf")
@@ -101,7 +103,8 @@ class HostRun(LabRun):
     def _check_processes(self) -> None:
         if self.company is not None and self.monitor is not None:
             if self._share.has_world or self._robots:
-                self.company.tell("waiting" if self.outcome.ready_s is None else "running", self._gone_here())
+                state = "waiting" if self.outcome.ready_s is None else "running"
+                self.company.tell(state, self._gone_here(), befell=self.outcome.befell())
             if self._share.has_world:
                 self._watch_hosts(self.company, self.monitor)
             else:
@@ -119,6 +122,7 @@ class HostRun(LabRun):
         for host, reason in company.reasons().items():
             self._say_once(f"left {host}", f"host {host} has left: {reason}")
         lost = self._others()
+        self._say_befallen(company, lost)
         for robot in self._noted.keys() - lost.keys():
             del self._noted[robot]
         news = {robot: fate for robot, fate in lost.items() if robot not in self._noted}
@@ -136,6 +140,30 @@ class HostRun(LabRun):
         elif news and not self._anybody():
             self.outcome.reason = f"no robot is left: {absence(self.lives.lost() | lost)}"
 
+    def _say_befallen(self, company: HostCompany, lost: Mapping[int, Fate]) -> None:
+        """Say what other hosts' launchers have done to their robots since; the end of one that is `lost` is said."""
+        for (host, run), befell in company.befell.items():
+            entries = [*befell.faults, *befell.lives]
+            told = self._told_entries.setdefault((host, run), [])
+            for entry in entries:
+                word, robot = next(
+                    (one for one in entry.items() if one[0] not in {"at", "from", "to", "every"}), ("", 0)
+                )
+                mark = (word, robot, entry.get("at", entry.get("from")))
+                if mark in told or type(robot) is not int:
+                    continue
+                told.append(mark)
+                if word == "restart":
+                    self._note_befallen(f"robot {robot} on host {host} is started again", robot, "restarted")
+                elif word in {"die", "stop"} and robot not in lost:
+                    self._note_befallen(f"robot {robot} on host {host} has ended", robot, "ended")
+                elif word not in {"die", "stop"}:
+                    self._note_befallen(f"{word} robot {robot} on host {host}", robot, word)
+
+    def _note_befallen(self, message: str, robot: int, state: str) -> None:
+        self._screen.say(message)
+        self.events.note("robot_state", message, robot=robot, state=state)
+
     def _follow(self, company: HostCompany, monitor: StatusMonitor) -> None:
         """End with the run, or when its world is gone."""
         hub = company.hub
@@ -150,7 +178,15 @@ class HostRun(LabRun):
             self._say_once("world", f"no word of {where}; waiting for it to return" if silent_s > SILENT_S else "")
 
     def _finished(self) -> bool:
-        return super()._finished() if self._share.has_world else bool(self.outcome.reason)
+        if not self._share.has_world:
+            return bool(self.outcome.reason)
+        over = super()._finished()
+        if self.outcome.finished and self.company is not None:
+            gone = {f"robot-{robot}" for robot in self._others()}
+            told = [(name, host) for (host, _), befell in self.company.befell.items() for name in befell.died]
+            back = [f"{name} on host {host}" for name, host in told if name.partition(".")[0] not in gone]
+            self.outcome.reason += who_came_back(dict.fromkeys(back, DIED))
+        return over
 
     def _others(self) -> dict[int, Fate]:
         """Return what became of the robots of other hosts that are judged here."""
@@ -237,6 +273,8 @@ class HostRun(LabRun):
         if self.company is None:
             return Elsewhere()
         hub = self.company.hub
+        if self._share.has_world:
+            return Elsewhere(folders=self.company.folders, befell=list(self.company.befell.values()))
         if hub is None or not self._robots:
             return Elsewhere(folders=self.company.folders)
         told = "the report is" if hub.state == "over" else "the run goes on; its report will be"
@@ -250,7 +288,7 @@ class HostRun(LabRun):
             self.company.tell("over", self._gone_here(), finished=outcome.finished, reason=outcome.reason)
         await super()._stop()
         if self.company is not None and not self._share.has_world and not (self.company.is_twin and not self._robots):
-            self.company.tell("left", self._gone_here(), reason=self.outcome.reason)
+            self.company.tell("left", self._gone_here(), reason=self.outcome.reason, befell=self.outcome.befell())
             await asyncio.sleep(LAST_WORD_S)
 
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:

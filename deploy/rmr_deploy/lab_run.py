@@ -88,16 +88,18 @@ async def run_and_report(plan: RunPlan, background: DetachedOutput | None = None
     run = LabRun(plan, screen) if plan.share is None else HostRun(plan, plan.share, screen)
     run.events.heard = None if background is None else background.heard
     outcome = await run.go()
-    record = make_report(plan, outcome, run.monitor)
     if isinstance(run, HostRun):
         outcome.elsewhere = run.elsewhere()
+    record = make_report(plan, outcome, run.monitor)
     if not plan.has_world:
         return outcome, share_report(record, plan)
     try:
         run_report.write(record, plan.folder)
     except OSError as error:
         outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
-    if plan.share is None and not plan.options.no_record:
+    if plan.share is not None and not plan.options.no_record:
+        _record_faults(plan, outcome)  # of all hosts, before their parts are joined by hand
+    elif not plan.options.no_record:
         outcome.recording = await asyncio.to_thread(join_recording, plan, outcome)
     return outcome, record
 
@@ -117,10 +119,12 @@ def join_recording(plan: RunPlan, outcome: RunOutcome) -> list[str]:
 def _record_faults(plan: RunPlan, outcome: RunOutcome) -> None:
     """Write what befell the processes of robots into a part of the recording."""
     part = plan.part(f"{LAUNCHER_PROCESS}.1")
-    if part is None or not (outcome.faults or outcome.lives):
+    entries = [*outcome.faults, *outcome.lives]
+    entries += [entry for befell in outcome.elsewhere.befell for entry in (*befell.faults, *befell.lives)]
+    if part is None or not entries:
         return
     writer = RecordWriter(part, about_run(plan.lab.name, "processes", plan.lab.seed, plan.lab.roster, LAUNCHER_PROCESS))
-    for entry in (*outcome.faults, *outcome.lives):
+    for entry in entries:
         writer.write("/faults", seconds(entry.get("at", entry.get("from", 0.0))), {"fault": entry})
     writer.close()
 
@@ -199,12 +203,11 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
     told["ros2"] = world.get("ros2", {})
     added = world.get("faults", ())
     disturbances = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
-    for entry in outcome.faults:
+    faults = [*outcome.faults, *(entry for befell in outcome.elsewhere.befell for entry in befell.faults)]
+    for entry in faults:
         if "to" in entry:  # one that was to last to the end of the run
             entry["to"] = max(entry["from"], min(entry["to"], round(monitor.now_s, 3) if monitor else 0.0))
-    told["faults"] = sorted(
-        [*disturbances, *outcome.faults], key=lambda entry: float(entry.get("at", entry.get("from")))
-    )
+    told["faults"] = sorted([*disturbances, *faults], key=lambda entry: float(entry.get("at", entry.get("from"))))
     if outcome.loads:
         told["loads"] = outcome.loads
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
@@ -212,7 +215,8 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         key: [robot for robot, one in outcome.absent.items() if one == fate]
         for key, fate in (("stopped", STOPPED), ("never_came", NEVER_CAME))
     }
-    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died, **absent}
+    died = outcome.died | {name: code for befell in outcome.elsewhere.befell for name, code in befell.died.items()}
+    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": died, **absent}
 
 
 def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:

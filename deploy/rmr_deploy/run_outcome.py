@@ -4,15 +4,42 @@ Whether one died or was stopped is decided here alone: it was stopped if that wa
 order, as at SIGTERM. What then has to be said of it, in words and colours, follows from its fate (`rmr_world.quorum`).
 """
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from rmr.entry import ExitCode
 from rmr_world.quorum import DIED, STOPPED, Fate
 
 Life = Literal["stop", "die", "restart"]
 """A robot's process was stopped in order, died without an order, or was started again by policy or by hand."""
+
+
+class Befell(NamedTuple):
+    """What befell the robots of one host."""
+
+    faults: list[dict[str, Any]]
+    lives: list[dict[str, Any]]
+    """As `RunOutcome` has both."""
+    died: dict[str, int]
+
+
+def read_befell(octets: bytes) -> Befell:
+    """Return what another host has told as `RunOutcome.befell`; what cannot stand in a report is left out."""
+    try:
+        faults, lives, died = json.loads(octets)
+        times = [[one for one in part if _is_entry(one)] for part in (faults, lives)]
+        codes = {str(name): code for name, code in died.items() if type(code) is int}
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        return Befell([], [], {})
+    return Befell(times[0], times[1], codes)
+
+
+def _is_entry(entry: Any) -> bool:
+    if not isinstance(entry, dict) or not entry.keys() & {"at", "from"} or ("to" in entry and "from" not in entry):
+        return False
+    return all(isinstance(entry.get(key, 0.0), int | float) for key in ("at", "from", "to"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +50,8 @@ class Elsewhere:
     """Where the report is, in words; empty where this host has not taken part."""
     folders: dict[str, list[str]] = field(default_factory=dict)
     """Run folders by host, as they told."""
+    befell: list[Befell] = field(default_factory=list)
+    """What befell the robots of each; none for a host without the world."""
 
 
 @dataclass(slots=True)
@@ -73,6 +102,10 @@ class RunOutcome:
     def note_lives(self, word: Life, robots: Iterable[int], at_s: float | None) -> None:
         """Note, for the recording, what befell the processes of `robots` at a lab time; None: before it began."""
         self.lives += [{"at": round(at_s or 0.0, 3), word: robot} for robot in robots]
+
+    def befell(self) -> bytes:
+        """Return what is told to other hosts: the newest 300 of each, which fit a message."""
+        return json.dumps(Befell(self.faults[-300:], self.lives[-300:], dict(list(self.died.items())[-300:]))).encode()
 
     def fate(self, name: str) -> Fate:
         """Return what became of the process `name`, which has ended."""

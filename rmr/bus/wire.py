@@ -300,6 +300,8 @@ class Launcher(NamedTuple):
     """The run is over and has finished."""
     reason: str
     """For people: why it is over, or this launcher has left."""
+    befell: bytes
+    """As JSON: what befell its robots, for the report (`rmr_deploy.run_outcome.Befell`)."""
 
 
 class HostOrder(NamedTuple):
@@ -419,6 +421,7 @@ _LAUNCHER: Final = (
     people,
     flag,
     people,
+    octets(PART_OCTETS_MAX),
 )
 _BODY: Final = group(robot, place, place, quantity, length)
 

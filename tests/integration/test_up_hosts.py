@@ -123,6 +123,10 @@ def test_a_robot_that_dies_is_started_again_by_its_host(hosts):
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
     report = hosts.report()
     assert (report["finished"], report["robots"]["5"]["restarts"], report["dead"]) == (True, 1, [])
+    assert report["died"] == {"robot-5": -9}
+    said = started["a"].said()
+    assert said.index("robot 5 on host c has ended") < said.index("robot 5 on host c is started again")
+    assert "robot-5 on host c died on the way and came back; the report" in said
 
 
 def test_a_robot_that_dies_ends_the_run_on_all_hosts(hosts):
@@ -232,7 +236,15 @@ def test_a_robot_is_shown_and_steered_from_every_host(hosts):
     assert ask("c", "pause", "1").stdout == "robot 1 is paused\n"
     assert ask("a", "unpause", "1").stdout == "robot 1 is going on\n"
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
-    assert hosts.report()["robots"]["4"]["restarts"] == 1
+    report = hosts.report()
+    assert report["robots"]["4"]["restarts"] == 1
+    faults = [
+        next((word, entry[word]) for word in ("kill", "restart", "stall") if word in entry)
+        for entry in report["faults"]
+    ]
+    assert faults == [("kill", 4), ("restart", 4), ("stall", 1)]
+    for word, robot, host in (("kill", 4, "c"), ("stall", 1, "b")):
+        assert f"{word} robot {robot} on host {host}" in started["a"].said()
 
 
 def test_a_lab_is_shown_steered_and_ended_from_a_machine_that_is_no_host(hosts):

@@ -208,6 +208,7 @@ MESSAGES = {
         lines,
         st.booleans(),
         lines,
+        st.binary(max_size=9),
     ),
     wire.AskDisturbances: st.builds(wire.AskDisturbances, st.sampled_from(wire.WISHES), st.none() | disturbances),
     wire.Disturbances: st.builds(

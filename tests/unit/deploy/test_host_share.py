@@ -15,6 +15,7 @@ from rmr_deploy.host_company import GONE_S, HostCompany
 from rmr_deploy.host_share import difference
 from rmr_deploy.preparation import RunPlan, RunRefusedError, agent_command, endpoint_of, make_plan, world_command
 from rmr_deploy.run_options import RunOptions
+from rmr_deploy.run_outcome import RunOutcome, read_befell
 from rmr_deploy.up import command
 
 pytestmark = pytest.mark.medium
@@ -389,3 +390,17 @@ def test_news_are_told_at_once_and_the_same_again_after_a_while(company, monkeyp
     b.tell("running", {3: "died"})
     assert len(bus.said) == 3
     assert bus.said[0][0] == "rmr/corridor/hosts/b"
+
+
+@pytest.mark.parametrize("octets", [b"", b"{", b"[]", b"[1, 2, 3]", b"[[], [], []]", b"[" * 4096, b"null"])
+def test_what_befell_robots_elsewhere_is_nothing_where_it_is_not_understood(octets):
+    assert read_befell(octets) == ([], [], {})
+
+
+def test_what_befell_robots_elsewhere_has_times_and_exit_codes():
+    outcome = RunOutcome(faults=[{"at": 1.0, "kill": 2}, {"from": 1.0, "to": 2.0, "stall": 3}], ended={"robot-2": -9})
+    outcome.note_lives("restart", [2], 1.5)
+    told = read_befell(outcome.befell())
+    assert told == (outcome.faults, [{"at": 1.5, "restart": 2}], {"robot-2": -9})
+    entries = [{"at": "soon", "kill": 1}, {"kill": 1}, {"at": 1.0, "to": 2.0}, 7, {"at": 2.0, "kill": 1}]
+    assert read_befell(json.dumps([entries, [], {"robot-1": "x"}]).encode()) == ([entries[-1]], [], {})

@@ -131,7 +131,9 @@ MESSAGES = [
     wire.Silence(1, NS_PER_S),
     wire.HostOrder(b'{"do": "kill", "robot": 1}'),
     wire.HostAnswer("b", b'{"refused": "there is no such robot"}'),
-    wire.Launcher("b", "running", (("a", ()), ("b", (1, 2))), (("rmr", "1"),), ((2, "died"),), "runs/x", False, ""),
+    wire.Launcher(
+        "b", "running", (("a", ()), ("b", (1, 2))), (("rmr", "1"),), ((2, "died"),), "runs/x", False, "", b"[]"
+    ),
 ]
 
 
