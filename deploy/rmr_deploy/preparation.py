@@ -357,6 +357,7 @@ def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     listen = endpoint if plan.share is None else plan.share.listen
     opened = ["--open"] if plan.credentials is None and not is_loopback(listen) else []
     options = ["--listen", listen, *opened, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
+    options += ["--ros2"] if plan.options.ros2 else []
     return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.admission("world")]
 
 

@@ -42,6 +42,8 @@ class RunOptions:
     """The page's port; None: a free one."""
     control: bool = False
     """Whether the page may add faults."""
+    ros2: bool = False
+    """Whether the world shows its robots to ROS 2."""
     keys: Path | None = None
     """The folder of the CA that has issued the keys of the processes; None where they have a secret."""
     watch: bool = False

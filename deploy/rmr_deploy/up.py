@@ -40,6 +40,7 @@ def _declare(parser: "Parser") -> None:
 
     parser.positional("lab", "LAB", read=existing_lab)
     _declare_options(parser)
+    parser.flag("--ros2", help="Show the simulated robots as robots of ROS 2: topics /robot_N/odom, /robot_N/scan ...")
     limit = "Seconds to wait for the other hosts (default: 300)."
     parser.option("--here", metavar="HOST", help="The share of this host alone, of a lab over several.")
     parser.option("--hosts", metavar="FILE", read=Path, help="Which host has what (default: `hosts` of the lab file).")

@@ -82,7 +82,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.entry",
         "rmr_ros",
     },
-    "rmr_ros": {"rmr.base", "rmr.node"},
+    "rmr_ros": {"rmr.base", "rmr.node", "rmr.record"},
     "rmr_sim": {
         "rmr.entry",
         "rmr.load",
@@ -144,7 +144,17 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.record": {"msgpack", "zstandard"},
     "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
-    "rmr_ros": {"geometry_msgs", "nav_msgs", "rclpy"},
+    "rmr_ros": {
+        "geometry_msgs",
+        "nav_msgs",
+        "numpy",
+        "rclpy",
+        "rosgraph_msgs",
+        "sensor_msgs",
+        "std_msgs",
+        "tf2_msgs",
+        "visualization_msgs",
+    },
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich", "yaml"},  # yaml: what it exports for compose
     "rmr_editor": {"lsprotocol", "pygls", "pygments"},

@@ -1,4 +1,4 @@
-"""The bridge: bodies of the world that are robots of ROS 2, by one node in the world's process.
+"""The bridge: the node of ROS 2 in the world's process, for bodies in ROS 2 and for the view of the simulated ones.
 
 rclpy calls back in a thread of its own, which only puts messages into the inbox of their robot; the world's loop takes
 them out at each tick. The same thread holds the watchdog of the commands, so that a world that is stopped in its loop
@@ -31,6 +31,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, Instant
 from rmr.node.ports import SeenBody, Sensed
 from rmr_ros.ros_body import COMMAND_AGE_MAX, BodyTopics, RosBody, deviations, heading
+from rmr_ros.ros_view import RosView
 
 READY_S_MAX: Final = 20.0
 """How long robots may take to show their topics and to send odometry and a pose."""
@@ -77,9 +78,12 @@ class _Link:
 
 
 class RosBridge:
-    """The bodies in ROS 2 of a lab. Making it opens a node; `close` ends it. Raises BridgeError."""
+    """A lab in ROS 2. Making it opens a node; `close` ends it. Raises BridgeError."""
 
-    def __init__(self, lab: str, bodies: Sequence[BodyTopics], arena: Arena, starts: Mapping[int, Pose]) -> None:
+    def __init__(
+        self, lab: str, bodies: Sequence[BodyTopics], arena: Arena, starts: Mapping[int, Pose], *, shows: bool = False
+    ) -> None:
+        """`starts` has all robots; those without a body of `bodies` are shown to ROS 2 if it `shows` them."""
         self._links = {spec.robot: _Link(spec, arena, starts[spec.robot]) for spec in bodies}
         self._context = Context()
         try:
@@ -92,6 +96,8 @@ class RosBridge:
             )
         except Exception as error:  # rclpy has a kind of its own for each; what they tell is the environment
             raise BridgeError(f"ROS 2 does not start here, look at its environment variables: {error}") from None
+        self.view = RosView(self._node, arena, sorted(starts.keys() - self._links.keys())) if shows else None
+        """Of the other robots."""
         self._begun = False
         """Whether all robots have been there; before, what is missing is no news."""
         self._lock = threading.Lock()
@@ -266,7 +272,7 @@ class RosBridge:
 
     def close(self) -> None:
         """Tell all robots zero, and leave."""
-        for _ in range(ZEROS):
+        for _ in range(ZEROS if self._links else 0):
             with self._lock:
                 for link in self._links.values():
                     if link.publisher is not None:

@@ -1,9 +1,10 @@
 """The bodies of a world's robots, wherever they are: those of the physics, and those that a bridge brings from outside.
 
 Bodies from outside are carried through the physics, so that simulated robots see and touch them, and all are seen by
-the bridge's robots.
+the bridge's robots. The bridge may have a view, by which those outside see the simulated ones.
 """
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from rmr.base.geometry import Twist
@@ -42,6 +43,18 @@ class AllBodies:
         if self._bridge is not None and robot in self._elsewhere:
             return self._bridge.sense(robot, now, self._physics.in_view(robot))
         return self._physics.sense(robot, now)
+
+    def show(self, now: Instant, minds: Collection[int]) -> None:
+        """Let the view show all bodies as they are at `now`, and drive those that have no mind in `minds`.
+
+        At 0 lab time does not run yet, and nothing drives.
+        """
+        view = None if self._bridge is None else self._bridge.view
+        if view is None:
+            return
+        for robot, twist in view.commanded(minds) if now else ():
+            self._physics.act(robot, twist, now, now)
+        view.show(now, {body.id: body.motion for body in self._physics.bodies})
 
     def report(self) -> dict[str, Any]:
         """Return what has come of the topics of robots from outside, for the world's report."""

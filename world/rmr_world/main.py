@@ -60,6 +60,7 @@ def _declare(parser: "Parser") -> None:
     )
     parser.flag("--open", help="admit everybody who reaches --listen, on other machines, too, without a secret")
     parser.flag("--when-ready", help="lab time starts when all robots are ready")
+    parser.flag("--ros2", help="show the simulated robots as robots of ROS 2, which drives those that have no mind")
     parser.option(
         "--state",
         read=Path,

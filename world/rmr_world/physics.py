@@ -70,8 +70,9 @@ class World:
             sensors = Sensors(rng, arena.beacons, service.rate, service.sigma, service.dropout, pulses)
             self._robots[start.id] = RobotBody(start.id, start.pose, seed, sensors)
             self._engine.add(start.id, start.pose)
-        self._list = list(self._robots.values())
-        self._by_x = self._list.copy()
+        self.bodies = list(self._robots.values())
+        """All robots by id, for others to look at."""
+        self._by_x = self.bodies.copy()
         self._awake: dict[int, RobotBody] = {}
         """By id, the robots that have been commanded or pushed and are not at rest again."""
         self._active: list[RobotBody] = []
@@ -101,7 +102,7 @@ class World:
         bodies = [
             (one.id, one.x, one.y, one.theta, one.sensors.left_m, one.sensors.right_m, one.distance_m,
              one.sensors.silent_until)
-            for one in self._list
+            for one in self.bodies
         ]  # fmt: skip
         least = self._least_centres
         closest = least if math.isfinite(least) else None
@@ -222,7 +223,7 @@ class World:
     def _ask(self) -> None:
         """Move all bodies for one tick by the contact engine."""
         engine = self._engine
-        for robot in self._list:
+        for robot in self.bodies:
             if robot.rolled:
                 engine.place(robot.id, robot.x, robot.y, robot.theta)
             if robot.rolled or robot.steered:
@@ -290,7 +291,7 @@ class World:
 
     def _pairs(self) -> None:
         """Update each robot's neighbours in view range and the smallest distances: sweep and prune along x."""
-        for robot in self._list:
+        for robot in self.bodies:
             if robot.near:
                 robot.near = []
         order = self._by_x

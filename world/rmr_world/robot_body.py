@@ -69,6 +69,12 @@ class RobotBody:
         self.sin = math.sin(theta)
         self.distance_m = self.free_until_m = distance_m
 
+    @property
+    def motion(self) -> tuple[Pose, Twist, float, float]:
+        """Its true pose, what its wheels do, and their ways by the encoders, left and right."""
+        pose = Pose(self.x, self.y, math.remainder(self.theta, math.tau))
+        return pose, Twist(self.v, self.w), self.sensors.left_m, self.sensors.right_m
+
 
 def roll(robot: RobotBody) -> None:
     """Integrate a body that can touch nothing for one tick, in the engine's order of additions: bitwise the same."""

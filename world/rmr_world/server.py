@@ -77,7 +77,7 @@ class WorldServer:
         folder: WorldFolder | None = None,
         bridge: "RosBridge | None" = None,
     ) -> None:
-        """With a `folder` the world is durable, and goes on from what that holds. `bridge`: bodies from outside."""
+        """With a `folder` the world is durable, and goes on from what that holds. `bridge`: what is in ROS 2."""
         self._lab = lab
         self._seed = seed
         self._bus = bus
@@ -300,6 +300,7 @@ class WorldServer:
             await self._until_back()
         while self._time.state != "running":
             self._bodies.carry(0)
+            self._bodies.show(0, self._alive)
             for robot in sorted(self._alive):
                 self._publish_sense(robot)
             await asyncio.sleep(STATUS_S / 3)
@@ -324,6 +325,7 @@ class WorldServer:
             self._tick += 1
             self._bodies.carry(tick_start(self._tick))
             self._physics.step(tick_start(self._tick))
+        self._bodies.show(tick_start(self._tick), self._alive)
         for robot in sorted(self._alive):
             if self._due(robot, ticks):
                 self._publish_sense(robot)

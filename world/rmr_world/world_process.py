@@ -98,24 +98,27 @@ async def _open(options: argparse.Namespace, secret: Credentials | None, ending:
     return opening.result() if await ending.unless_asked(opening) else None
 
 
-async def _bridge(lab: Lab, ending: Ending) -> "RosBridge | None":
-    """Return the bodies of the lab that are robots of ROS 2, once they are there; None where the end came before."""
-    if not lab.bodies:
+async def _bridge(lab: Lab, ending: Ending, *, shows: bool = False) -> "RosBridge | None":
+    """Return the lab in ROS 2, once its robots there have come; None without any, or where the end came before."""
+    if not lab.bodies and not shows:
         return None
     try:
         from rmr_ros.ros_bridge import BridgeError, RosBridge  # noqa: PLC0415 - rclpy, for labs that ask for it
     except ImportError as error:
         robots = spelled([body.robot for body in lab.bodies])
-        ending.ask(f"robots {robots} have bodies in ROS 2: {NO_RCLPY} ({error})", ExitCode.FAILED)
+        why = f"robots {robots} have bodies in ROS 2" if robots else "--ros2 shows the robots in ROS 2"
+        ending.ask(f"{why}: {NO_RCLPY} ({error})", ExitCode.FAILED)
         return None
     try:
-        bridge = RosBridge(lab.name, lab.bodies, lab.arena, {robot.id: robot.pose for robot in lab.robots})
+        starts = {robot.id: robot.pose for robot in lab.robots}
+        bridge = RosBridge(lab.name, lab.bodies, lab.arena, starts, shows=shows)
     except BridgeError as error:
         ending.ask(str(error), ExitCode.FAILED)
         return None
     waiting = asyncio.ensure_future(bridge.ready())
     try:
-        log.info("waiting for the robots of ROS 2")
+        if lab.bodies:
+            log.info("waiting for the robots of ROS 2")
         if await ending.unless_asked(waiting):
             waiting.result()
             return bridge
@@ -130,7 +133,7 @@ async def _live(
 ) -> None:
     handle_signals(ending)
     hold_lifeline()
-    bridge = await _bridge(lab, ending)
+    bridge = await _bridge(lab, ending, shows=options.ros2)
     bus = None if ending.asked else await _open(options, secret, ending)
     if bus is None:
         if bridge is not None:

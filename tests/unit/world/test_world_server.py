@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from itertools import count
 from types import SimpleNamespace
 
 import pytest
@@ -169,6 +170,7 @@ class Bridge:
     """A bridge with the body of robot 2, without ROS."""
 
     robots = (2,)
+    view = None
 
     def __init__(self) -> None:
         self.at = Pose(1.0, 0.9, 0.0)
@@ -224,3 +226,36 @@ def test_a_body_from_outside_is_commanded_and_sensed_by_the_bridge_and_seen_by_t
     bus.published.clear()
     world._publish_sense(2)
     assert bus.published == []
+
+
+class View:
+    """What is shown to ROS 2, which wants all robots to drive."""
+
+    def __init__(self) -> None:
+        self.shown: list[tuple[int, dict[int, object]]] = []
+
+    def commanded(self, minds: set[int]) -> list[tuple[int, Twist]]:
+        return [(robot, Twist(0.1, 0.0)) for robot in (1, 2, 3) if robot not in minds]
+
+    def show(self, now: int, bodies: dict[int, object]) -> None:
+        self.shown.append((now, bodies))
+
+
+def test_a_view_shows_all_bodies_and_drives_those_without_a_mind(monkeypatch):
+    ticks = count(1)
+    monkeypatch.setattr(server.time, "monotonic_ns", lambda: tick_start(next(ticks)))
+    bridge = SimpleNamespace(robots=(), view=View(), step=lambda _now: None)
+    lab = load_lab(LABS / "testbed" / "lab.yaml")
+    world = WorldServer(lab, 1, StubBus(), Ending(), when_ready=False, bridge=bridge)
+    world._time.start(0, 0)
+    world._alive.add(2)
+    while world._tick < 30:
+        world._catch_up()
+    shown, bodies = bridge.view.shown[-1]
+    assert shown == tick_start(30)
+    assert bodies.keys() == set(lab.roster)
+    assert {robot for robot, (_, twist, *_) in bodies.items() if twist.v > 0.05} == {1, 3}
+    pose, _, left_m, right_m = bodies[1]
+    assert pose == world._physics.pose(1)
+    assert left_m == pytest.approx(right_m, rel=0.1)
+    assert left_m > 0.01
