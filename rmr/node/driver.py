@@ -7,7 +7,7 @@ A body moves on while its samples wait for a processor. So the speed depends on 
 the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -18,7 +18,7 @@ from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.config import NodeConfig
-from rmr.node.crossing.approach import Approach
+from rmr.node.crossing.approach import Approach, is_divided, is_free_way, sides
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.hearing import DEAD
@@ -268,7 +268,7 @@ class Driver:
 
         Of slots the K-th if it is the K-th, `place`, of those that go its way; without a rank (0) the one where it
         stands or by the roster; of a box the spot nearest to its middle that is free. Who has the smaller `rank` goes
-        first.
+        first. Of slots that passages divide, one to which the way leads through none comes before all others.
         """
         places = spots(self.arena, area)
         index = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
@@ -279,7 +279,21 @@ class Driver:
             and (hello.parked or (hello.rank or NO_RANK, robot) < (rank or NO_RANK, self._robot))
         ]
         radius = self.arena.shape.radius
-        return nearest_free(places, index, taken, radius, peers.parked(now), 2.0 * radius + TIGHT_MARGIN_M)
+        parked = peers.parked(now)
+        for some in (*self._on_this_side(area), places):
+            found = nearest_free(some, index, taken, radius, parked, 2.0 * radius + TIGHT_MARGIN_M)
+            if found is not None:
+                return found
+        return places[index % len(places)]
+
+    def _on_this_side(self, area: Area) -> Iterator[tuple[Point, ...]]:
+        """Return the slots of `area` to which the robot's way leads through no passage, if there are others."""
+        pose = self.localiser.pose
+        if pose is not None and is_divided(self.arena, area):
+            here = Point(pose.x, pose.y)
+            for side in sides(self.arena, area):
+                if is_free_way(self.arena, here, side[0]):
+                    yield side
 
     def _unranked(self, area: Area) -> int:
         """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""
@@ -362,8 +376,8 @@ def watched(twist: Twist, unwatched: Duration, within: Duration) -> Twist:
 
 def nearest_free(
     places: Sequence[Point], first: int, claimed: Sequence[Point], reach_m: float, stood: Sequence[Point], room_m: float
-) -> Point:
-    """Return place `first` or the next one (cyclically) that is free; `first` if none is.
+) -> Point | None:
+    """Return place `first` or the next one (cyclically) that is free; None if none is.
 
     It is not, if it is within `reach_m` of one that is `claimed`, or within `room_m` of where a robot has `stood`.
     """
@@ -372,7 +386,7 @@ def nearest_free(
         free = all(distance(*place, *at) > reach_m for at in claimed)
         if free and all(distance(*place, *at) > room_m for at in stood):
             return place
-    return places[first % len(places)]
+    return None
 
 
 @lru_cache(maxsize=64)

@@ -196,15 +196,27 @@ DIVIDED = ("[2.8, 0.3], [0.6, 0.8], [2.8, 1.6], [0.6, 2.1]", "[0.6, 0.3], [0.6, 
 """Slots of which two lie on the robots' side of the passage."""
 
 
-@pytest.mark.parametrize("slots", DIVIDED)
-@pytest.mark.parametrize("due", [{1: 80, 2: 70, 3: 60, 4: 50}, {1: 50, 2: 60, 3: 70, 4: 80}])
-def test_slots_on_both_sides_of_a_passage_are_all_taken(tmp_path, slots, due):
-    aisles(tmp_path, ONE, ["right"] * 4, due=due)
-    lab = tmp_path / "lab.yaml"
+def divided(folder, slots, robots, due=None):
+    """Return the lab file of robots to the left of a passage whose goal has `slots` on both sides."""
+    aisles(folder, ONE, ["right"] * robots, due=due)
+    lab = folder / "lab.yaml"
     text = lab.read_text()
     right = next(line for line in text.splitlines() if line.startswith("  right:"))
     lab.write_text(text.replace(right, f"  right: {{slots: [{slots}]}}"))
+    return folder
+
+
+@pytest.mark.parametrize("slots", DIVIDED)
+@pytest.mark.parametrize("due", [{1: 80, 2: 70, 3: 60, 4: 50}, {1: 50, 2: 60, 3: 70, 4: 80}])
+def test_slots_on_both_sides_of_a_passage_are_all_taken(tmp_path, slots, due):
     for seed in (1, 2):
-        simulation = prepare(tmp_path, seed=seed)
+        simulation = prepare(divided(tmp_path, slots, 4, due), seed=seed)
         assert simulation.run()
         assert simulation.now < seconds(60)
+
+
+@pytest.mark.parametrize("slots", DIVIDED)
+def test_nobody_goes_through_a_passage_while_a_slot_on_its_own_side_is_free(tmp_path, slots):
+    simulation = prepare(divided(tmp_path, slots, 2), seed=1)
+    assert simulation.run()
+    assert spans(simulation) == []

@@ -106,9 +106,35 @@ def departures(arena: Arena, entrance: Point, area_name: str) -> tuple[float, ..
     return tuple(route.length_m for route in routes if route is not None)
 
 
+def is_divided(arena: Arena, area: Area) -> bool:
+    """Return whether a way from one slot of `area` to another leads through a passage of all robots."""
+    return area.slotted and arena.has_shared_passages and len(sides(arena, area)) > 1
+
+
+@lru_cache(maxsize=64)
+def sides(arena: Arena, area: Area) -> tuple[tuple[Point, ...], ...]:
+    """Return the slots of `area` in groups: between those of one group the ways lead through no passage."""
+    found: list[list[Point]] = []
+    for place in area.places:
+        side = next((side for side in found if is_free_way(arena, side[0], place)), None)
+        if side is None:
+            found.append([place])
+        else:
+            side.append(place)
+    return tuple(map(tuple, found))
+
+
+def is_free_way(arena: Arena, start: Point, place: Point) -> bool:
+    """Return whether the way from `start` to `place` leads through no passage."""
+    route = leader_route(arena, start, place, (), through_gate=True)
+    return route is not None and route.gate_m is None
+
+
 def foresee(arena: Arena) -> None:
     """Work out what plans need of the arena alone. It takes tenths of a second: once, before lab time runs."""
     grid_of(arena)
+    for area in arena.areas:
+        is_divided(arena, area)
     for passage in arena.passages:
         for area in () if passage.two_ended else arena.areas:
             if area.slotted:

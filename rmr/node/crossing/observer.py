@@ -11,6 +11,7 @@ from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
 from rmr.node.config import UNKNOWN_INSIDE
 from rmr.node.crossing import resource, station_area
+from rmr.node.crossing.approach import is_divided
 from rmr.node.crossing.blocked_way import barring
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.lateness import READY
@@ -122,7 +123,7 @@ class Observer:
         pose = robot.pose
         if pose is None:
             return False, None
-        found = robot.driver.approach.estimate(pose, self._place(robot.driver, crossing, goal))
+        found = robot.driver.approach.estimate(pose, self._place(now, robot.driver, crossing, goal))
         if crossing.station:
             within = station_area.contains(goal, Point(pose.x, pose.y))
             held = UNKNOWN_INSIDE if found is None else found.approach + found.inside + found.after + UNKNOWN_INSIDE
@@ -135,14 +136,14 @@ class Observer:
         first = isinstance(crossing.phase, Preparing) and not plan.within
         return not (first and self._profile.listens_first and robot.driver.listens(now, robot.peers)), plan
 
-    def _place(self, driver: Driver, crossing: Crossing, goal: Area) -> Point:
+    def _place(self, now: Instant, driver: Driver, crossing: Crossing, goal: Area) -> Point:
         """Return where the way into `goal` ends: the first place, or the robot's own where passages divide the area."""
-        places = goal.places
-        if not resource.is_divided(self._robot.config.arena, goal):
-            return places[0]
+        if not is_divided(self._robot.config.arena, goal):
+            return goal.places[0]
         own = crossing.course.destination or driver.place
-        by_rank = places[max(0, crossing.place - 1) % len(places)]
-        return own if own is not None and own in places else by_rank
+        if own is not None and own in goal.places:
+            return own
+        return driver.place_of(now, goal, crossing.rank, crossing.place, self._robot.peers)
 
     def _gated(self, driver: Driver, found: Estimate, goal: Area, pose: Pose) -> CrossingPlan:
         arena = self._robot.config.arena
@@ -167,7 +168,7 @@ class Observer:
         _, plan = self.estimate(now, crossing)
         newest = plan or crossing.plan
         goal = crossing.goal
-        if not newest.gated and goal is not None and resource.is_divided(navigator.arena, goal):
+        if not newest.gated and goal is not None and is_divided(navigator.arena, goal):
             return Situation(excused=True)  # its place lies on this side of the passage: it needs no turn there
         passage = navigator.arena.passage(newest.passage) if newest.gated else None
         return self.with_others(crossing, self.at_event(crossing, plan=newest))._replace(

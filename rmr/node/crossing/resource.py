@@ -56,16 +56,6 @@ def _entry_route(arena: Arena, name: str, goal: Point) -> EntryRoute | None:
     return None
 
 
-@lru_cache(maxsize=256)
-def is_divided(arena: Arena, goal: Area) -> bool:
-    """Return whether a way from the first place of `goal` to another one leads through a passage of all robots."""
-    if not goal.slotted or not arena.has_shared_passages:
-        return False
-    first, *others = goal.places
-    routes = (leader_route(arena, first, place, (), through_gate=True) for place in others)
-    return any(route is not None and route.gate_m is not None for route in routes)
-
-
 def entered_route(navigator: Navigator) -> Route | None:
     """Return the route that the robot follows, if that leads through a passage."""
     route = navigator.route

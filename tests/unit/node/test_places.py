@@ -8,8 +8,9 @@ RADIUS = RobotShape().radius
 PLACES = tuple(Point(1.0, 0.3 * k) for k in range(4))
 
 
-def free(first: int, claimed: tuple[Point, ...] = (), stood: tuple[Point, ...] = ()) -> int:
-    return PLACES.index(nearest_free(PLACES, first, claimed, RADIUS, stood, 2.0 * RADIUS + 0.005))
+def free(first: int, claimed: tuple[Point, ...] = (), stood: tuple[Point, ...] = ()) -> int | None:
+    place = nearest_free(PLACES, first, claimed, RADIUS, stood, 2.0 * RADIUS + 0.005)
+    return None if place is None else PLACES.index(place)
 
 
 def test_a_robot_takes_its_own_place_if_nobody_else_has():
@@ -27,5 +28,5 @@ def test_a_robot_that_stands_beside_a_place_takes_it_only_if_there_is_no_room():
     assert free(1, stood=(Point(1.01 + 2.0 * RADIUS, 0.3),)) == 1
 
 
-def test_where_none_is_free_it_keeps_its_own():
-    assert free(3, claimed=PLACES) == 3
+def test_none_may_be_free():
+    assert free(3, claimed=PLACES) is None
