@@ -49,8 +49,8 @@ class Wheels:
         """The way to that arc."""
         self._driven = 0.0
         """How much of it was driven at `_at`, metres."""
-        self._slowed: tuple[Twist, LeadIn | None] | None = None
-        """A command that was slowed in this tick, and the way to its arc that was judged."""
+        self._slowed: dict[Twist, LeadIn | None] = {}
+        """The commands that were slowed in this tick; of each the way to its arc that was judged."""
 
     def speed(self, now: Instant) -> float:
         """Return how fast the robot drives, m/s."""
@@ -67,7 +67,7 @@ class Wheels:
 
     def slow(self, twist: Twist, lead: LeadIn | None) -> Twist:
         """Return `twist`, a command that was judged at a higher speed; its way to its arc stays `lead`."""
-        self._slowed = twist, lead
+        self._slowed[twist] = lead
         return twist
 
     def braking(self, now: Instant, twist: Twist) -> Twist | None:
@@ -88,12 +88,11 @@ class Wheels:
         driven = self._way(now)
         arc = self.braking(now, twist) or twist
         if twist.v > 0.0:
-            known = self._slowed
-            lead = known[1] if known is not None and known[0] == twist else self.lead(now, arc)
+            lead = self._slowed[twist] if twist in self._slowed else self.lead(now, arc)
             self._lead = lead or _ON_ARC
             self._bend = arc.w / arc.v
             driven = 0.0
-        self._slowed = None
+        self._slowed.clear()
         self._v = v
         self._at = now
         self._driven = driven

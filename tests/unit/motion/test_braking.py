@@ -41,6 +41,18 @@ def test_a_fast_robot_that_slows_down_turns_as_its_arc_takes_at_the_speed_that_i
     assert wheels.command(seconds(6), Twist(0.4, 0.2)) == Twist(0.4, 0.2), "it drives no faster than that now"
 
 
+def test_of_several_commands_slowed_in_a_tick_the_one_taken_keeps_the_way_that_was_judged():
+    wheels, alone = wheels_at(0.9, 2.0), wheels_at(0.9, 2.0)
+    taken, judged = Twist(0.98, -1.2), LeadIn(2.0, 1.0)
+    alone.slow(taken, judged)
+    wheels.slow(taken, judged)
+    wheels.slow(Twist(0.97, 0.0), LeadIn(2.0, 0.5))
+    for tick in range(30):
+        now = seconds(4 + tick / 60)
+        assert wheels.command(now, taken if not tick else STILL) == alone.command(now, taken if not tick else STILL)
+    assert wheels.lead(seconds(4.1), Twist(1.0, 0.0)) == alone.lead(seconds(4.1), Twist(1.0, 0.0))
+
+
 @pytest.mark.parametrize("halt", [STILL, Twist(0.0, 2.0), Twist(-0.08, 0.0)])
 def test_a_fast_robot_that_is_to_stand_or_to_turn_on_the_spot_brakes_on_its_arc(halt):
     wheels = wheels_at(1.0, 0.5)
