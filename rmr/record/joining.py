@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from rmr.base.ids import spelled
+from rmr.base.time import Instant
 from rmr.record.being_written import is_being_written
 from rmr.record.channels import BY_TOPIC
 from rmr.record.mcap_scan import RecordingError
@@ -147,8 +148,16 @@ def _run(part: RecordingPart) -> str:
 
 def _overlap(one: RecordingPart, other: RecordingPart) -> bool:
     """Whether two files tell of one time: those of a process and of the next one do not, a file and its copy do."""
-    (begin, end), (since, until) = (Recording([part]).span for part in (one, other))
+    (begin, end), (since, until) = (_told_span(part) for part in (one, other))
     return (begin < until and since < end) or (begin, end) == (since, until)
+
+
+def _told_span(part: RecordingPart) -> tuple[Instant, Instant]:
+    """Return the instants of the first and last message; what a process says before it knows lab time has instant 0."""
+    recording = Recording([part])
+    end = recording.span[1]
+    first = next(recording.raw_messages(begin=1), None)
+    return (end if first is None else first.at, end)
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:

@@ -4,8 +4,9 @@ import pytest
 from mcap.reader import make_reader
 from record_maker import about, end_without_closing, trace, write_part
 
+from rmr.base.time import seconds
 from rmr.record.growing_recording import GrowingRecording
-from rmr.record.joining import NothingToDoError, join_run, recover
+from rmr.record.joining import NothingToDoError, join_files, join_run, recover
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import open_recording
@@ -145,3 +146,17 @@ def test_a_growing_recording_gives_each_message_once(tmp_path):
     join_run(tmp_path)
     assert [message.at for message in growing.messages()] == [1, 7, 9]
     end_without_closing(robot)
+
+
+def test_a_robot_that_was_started_again_is_joined_although_it_spoke_before_it_knew_lab_time(tmp_path):
+    write_part(tmp_path / "world.mcap", "world", run="5", robot=0)
+    for name, begin_s in (("robots-1", 0.5), ("robots-1.1", 2.0)):
+        writer = RecordWriter(tmp_path / f"{name}.mcap", about("robots-1", run="5"))
+        for at_s in (0.0, begin_s, begin_s + 1.0):
+            writer.write("/trace", seconds(at_s), trace(at_s))
+        writer.close()
+    joined = join_files(sorted(tmp_path.glob("*.mcap")), tmp_path / "joined")
+    assert joined.messages == 300 + 6
+    (tmp_path / "copy.mcap").write_bytes((tmp_path / "robots-1.1.mcap").read_bytes())
+    with pytest.raises(RecordingError, match=r"are both of robot 1, at the same time: leave one out"):
+        join_files(sorted(tmp_path.glob("*.mcap")), tmp_path / "again")
