@@ -31,11 +31,12 @@ def _ip(*words: str) -> str:
 
 
 class Network:
-    """Hosts named by letters; the n-th has the address 10.77.0.n."""
+    """Hosts named by letters; the n-th has the address 10.77.0.n, or another one."""
 
-    def __init__(self, hosts: str) -> None:
-        """Make the hosts; what cannot be made leaves nothing."""
+    def __init__(self, hosts: str, addresses: tuple[str, ...] = ()) -> None:
+        """Make the hosts, with `addresses` in one network of 24 bits; what cannot be made leaves nothing."""
         self._hosts = hosts
+        self._addresses = addresses or tuple(f"10.77.0.{number}" for number in range(1, len(hosts) + 1))
         _remove_stale()
         try:
             self._make()
@@ -63,7 +64,7 @@ class Network:
 
     def address(self, host: str) -> str:
         """Return the address of `host`."""
-        return f"10.77.0.{self._hosts.index(host) + 1}"
+        return self._addresses[self._hosts.index(host)]
 
     def on(self, host: str) -> list[str]:
         """Return the words before a command that is to run on `host`."""

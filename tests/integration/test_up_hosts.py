@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -11,7 +13,7 @@ import time
 import pytest
 from launched import CORRIDOR
 from network import Network, not_permitted
-from process_tools import Stage
+from process_tools import Stage, wait_until
 
 from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.secret import make_secret
@@ -66,6 +68,12 @@ class Hosts:
     def place(self):
         """The options of a verb on another machine."""
         return "--connect", f"tcp/{self.network.address('a')}:17447", "--secret", self.folder / "secret"
+
+    def wait_until_driving(self):
+        """Wait until a robot of each other host has begun to move."""
+        for host in "bc":
+            logs = (self.folder / host / "logs").glob("*.jsonl")
+            wait_until(lambda logs=list(logs): any('"lineup' in log.read_text() for log in logs))
 
     def kill(self, host, robot):
         """Kill the process of a robot as a failure would."""
@@ -139,13 +147,19 @@ def test_a_robot_that_dies_ends_the_run_on_all_hosts(hosts):
     assert (report["finished"], report["dead"], report["reason"]) == (False, [5], "robot 5 on host c died")
 
 
-def test_a_host_that_is_cut_off_for_2_s_comes_back(hosts):
+@pytest.mark.parametrize("length_s", [2.0, 10.0])
+def test_a_host_that_is_cut_off_comes_back_and_the_others_keep_their_world(hosts, length_s):
     started = hosts.all_up()
+    hosts.wait_until_driving()
     hosts.network.cut("c")
-    time.sleep(2.0)
+    time.sleep(length_s)
     hosts.network.heal("c")
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
     assert hosts.report()["collisions"] == 0
+    logs = {host: (hosts.folder / host / "logs").glob("robot-?.jsonl") for host in "bc"}
+    lost = {host: ["waiting for it to return" in log.read_text() for log in logs[host]] for host in logs}
+    assert lost["b"] == [False] * 3
+    assert lost["c"] == [True] * 3 or length_s == 2.0, "3 s are the lease; TCP takes its time after a shorter cut"
 
 
 def test_ctrl_c_on_a_host_stops_its_robots_and_on_that_of_the_world_all(hosts):
@@ -323,3 +337,89 @@ def test_a_host_whose_world_does_not_come_says_what_it_waited_for(hosts):
     assert b.exit_code() == 1
     where = f"tcp/{hosts.network.address('a')}:17447"
     assert f"rmr up: not ready within 3 s: no world of lab corridor answers at {where}" in b.said()
+
+
+class PageHosts:
+    """Four machines as the page has them, each with a folder of its own in which the commands are given."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.network = Network("abcd", ("10.0.0.5", "10.0.0.6", "10.0.0.7", "10.0.0.8"))
+        self.stage = Stage(folder)
+        for host in "abcd":
+            (folder / host).mkdir()
+
+    def _at(self, host):
+        return [*self.network.on(host), "env", "-C", str(self.folder / host)]
+
+    def start(self, host, command):
+        return self.stage.start(*shlex.split(command), before=self._at(host))
+
+    def run(self, host, command):
+        """Carry a command out and return what it has said."""
+        environment = os.environ | {"RMR_REGISTER": str(self.folder / "nothing")}
+        words = [*self._at(host), sys.executable, "-m", *shlex.split(command)]
+        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120, env=environment)
+        assert done.returncode == 0, (command, done.stderr)
+        return done.stdout
+
+
+@pytest.fixture
+def page_hosts(tmp_path):
+    if why := not_permitted():
+        pytest.skip(why)
+    hosts = PageHosts(tmp_path)
+    yield hosts
+    hosts.stage.end()
+    hosts.network.remove()
+
+
+def shown_as(expected, said):
+    """Whether output has the form of that on the page: what differs from run to run is left out."""
+    number = r"[-\d.:]+"
+    changes = (r"\S*/runs/corridor-\S+", r"lineup\(.*|moveto\(.*|waiting.*", number)
+    for line in expected.splitlines():
+        if line == "...":
+            continue
+        form = " ".join(line.split())
+        for change in changes:
+            form = re.sub(change, "\0", form)
+        form = re.escape(form).replace("\0", ".*").replace(r"\ ", r"\s+")
+        if not any(re.search(form, each) for each in said.splitlines()):
+            return False
+    return True
+
+
+def test_the_commands_of_the_page_do_what_it_says(page_hosts):
+    page = (CORRIDOR.parents[2] / "docs" / "fleet.md").read_text()
+    section = page[page.index("## From one machine to many") : page.index("## Faults")]
+    for host in "abc":
+        (page_hosts.folder / host / "hosts.yaml").write_text(re.search("```yaml\n(.*?)```", section, re.S)[1])
+    commands = dict(re.findall(r"^    host (\w):  (rmr up .*)$", section, re.M))
+    assert list(commands) == ["a", "b", "c"]
+    started = {"a": page_hosts.start("a", commands["a"])}
+    started["a"].wait_for("made a new secret: lab.secret; copy it to the other hosts")
+    for host in "bcd":
+        shutil.copy(page_hosts.folder / "a" / "lab.secret", page_hosts.folder / host)
+    started |= {host: page_hosts.start(host, commands[host]) for host in "bc"}
+    for one in started.values():
+        one.wait_for("robots ready after")
+    asked = re.findall(r"^\$ (rmr .*)\n((?:(?!\$ |```).*\n)*)", section, re.M)
+    assert [command.split()[1] for command, _ in asked] == ["ps", "kill", "restart", "events", "down"]
+    for command, expected in asked:
+        said = page_hosts.run("d", command)
+        assert shown_as(expected, said), (command, expected, said)
+    assert ended(started) == {"a": 1, "b": 1, "c": 1}
+    told = started["a"].said()
+    folders = dict(re.findall(r"^host (\w) has its recordings in (.*)$", told, re.M))
+    for host in "bc":
+        shutil.copytree(folders[host], page_hosts.folder / "a" / host)
+    page_hosts.run("a", _expanded(page_hosts, told))
+    assert list((page_hosts.folder / "a" / "runs").glob("*/joined/run.mcap"))
+
+
+def _expanded(page_hosts, told):
+    """Return the command that joins the recordings, with the names of the files as a shell gives them."""
+    words = shlex.split(re.search("rmr record join.*", told)[0])
+    here = page_hosts.folder / "a"
+    return shlex.join(name for word in words for name in (sorted(map(str, here.glob(word))) if "*" in word else [word]))
