@@ -16,7 +16,7 @@ from rmr_deploy.active_runs import LAB_COPY
 from rmr_deploy.run_choice import FleetError
 from rmr_world.faults import fault_entries, fault_entry
 from rmr_world.finding import LabError
-from rmr_world.lab import Lab, LabHost
+from rmr_world.lab import Lab, LabHost, TopicFact
 from rmr_world.lab_file import load_lab
 from rmr_world.random_facts import LabFact
 
@@ -34,7 +34,7 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
         "quorum": lab.quorum,
         "arena": to_data(lab.arena),
         "robots": [{"id": robot.id, "pose": list(robot.pose)} for robot in lab.robots],
-        "facts": [_fact(fact) for fact in lab.initial_facts],
+        "facts": [*map(_fact, lab.initial_facts), *map(_topic_fact, lab.topic_facts)],
         "radio": {"seed": lab.radio.seed, "security": lab.radio.security, **asdict(lab.radio.config)},
         "bus": {"security": "mtls" if lab.mtls else "secret"},
         "bodies": [{**asdict(body), "origin": list(body.origin)} for body in lab.bodies],
@@ -53,6 +53,11 @@ def _host(host: LabHost) -> dict[str, Any]:
         "router": host.has_router,
         "robots": list(host.robots),
     }
+
+
+def _topic_fact(each: TopicFact) -> dict[str, Any]:
+    about = {"topic": each.topic, "type": each.type, "every_s": in_seconds(each.every)}
+    return about | {"fact": _fact(each.fact)}
 
 
 def _fact(fact: LabFact) -> str:

@@ -119,6 +119,7 @@ class Sense(NamedTuple):
     bumped: bool
     truth: tuple[float, float, float]
     fix: tuple[float, float, float, float, float] | None = None
+    facts: tuple[tuple[str, tuple[Value, ...]], ...] | None = None
 
 
 class Act(NamedTuple):
@@ -333,6 +334,12 @@ def _pack_map(message: tuple[Any, ...]) -> list[Any]:
     return list(fields._replace(facts=facts, finish=finish, disturbances=disturbances))  # type: ignore[arg-type]
 
 
+def _pack_sense(message: tuple[Any, ...]) -> list[Any]:
+    *felt, facts = message
+    told = None if facts is None else [[name, [pack_value(arg) for arg in args]] for name, args in facts]
+    return [*felt, told]
+
+
 def _pack_wish(message: tuple[Any, ...]) -> list[Any]:
     wish, added = message
     return [wish, None if added is None else added.to_wire()]
@@ -393,6 +400,7 @@ _SAMPLE: Final = (
     flag,
     _POSE,
     optional(group(place, place, quantity, length, length)),
+    optional(each(group(name, each(value, FACTS_MAX)), FACTS_MAX)),
 )
 _FACT: Final = group(name, optional(robot), each(value, FACTS_MAX))
 _PATTERN: Final = group(name, each(optional(value), FACTS_MAX))
@@ -427,7 +435,7 @@ _BODY: Final = group(robot, place, place, quantity, length)
 
 TABLE: Final = (
     Row(1, Air, (announcement,), patient=True),
-    Row(2, Sense, _SAMPLE, patient=True),
+    Row(2, Sense, _SAMPLE, _pack_sense, patient=True),
     Row(3, Act, (quantity, quantity, instant), patient=True),
     Row(4, AskClock, ()),
     Row(5, Clock, (one_of(CLOCK_STATES), instant, instant)),

@@ -95,6 +95,8 @@ NO_COMPASS: Final = 2
 FIXED: Final = 4
 """A fix follows the sample."""
 FIX: Final = Struct("<ddddd")
+TOLD: Final = 8
+"""Facts from outside follow, packed."""
 RANGE: Final = Struct("<Hd")
 BODY: Final = Struct("<dddd")
 BLOB: Final = Struct("<BI")

@@ -13,6 +13,7 @@ from zlib import crc32
 
 from rmr.base.geometry import Twist
 from rmr.base.time import NS_PER_S, Instant
+from rmr.mind.fact_values import pack
 from rmr.mind.mind_format import (
     ACT,
     ACTED,
@@ -40,6 +41,7 @@ from rmr.mind.mind_format import (
     SENSED,
     STATUSES,
     TAKEN,
+    TOLD,
     TRANSMIT,
     VERSION,
     pack_act,
@@ -333,6 +335,7 @@ def _encode_samples(parts: list[bytes], samples: list[Sensed], base: Instant) ->
         fix = sample.fix
         flags = BUMPED if sample.bumped else 0
         flags |= (NO_COMPASS if compass is None else 0) | (0 if fix is None else FIXED)
+        flags |= 0 if sample.facts is None else TOLD
         parts.append(
             pack_sample(
                 sample.stamp - base,
@@ -347,6 +350,9 @@ def _encode_samples(parts: list[bytes], samples: list[Sensed], base: Instant) ->
         )
         if fix is not None:
             parts.append(pack_fix(fix.x, fix.y, fix.theta, fix.sigma_m, fix.sigma_rad))
+        if sample.facts is not None:
+            told = pack(sample.facts)
+            parts.append(pack_blob(TOLD, len(told)) + told)
         for beacon, metres in ranges:
             parts.append(pack_range(beacon, metres))
         parts.extend([pack_body(body.x, body.y, body.vx, body.vy) for body in bodies])

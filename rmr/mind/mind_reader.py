@@ -203,7 +203,8 @@ class _Cursor:
         stamp, left_m, right_m, gyro, reading, flags, ranges, bodies = self._unpack(form.SAMPLE)
         compass = None if flags & form.NO_COMPASS else reading
         fix = PoseFix(*self._unpack(form.FIX)) if flags & form.FIXED else None
+        told = unpack(self._blob()) if flags & form.TOLD else None
         heard = tuple([self._unpack(form.RANGE) for _ in range(ranges)])
         seen = tuple([SeenBody(*self._unpack(form.BODY)) for _ in range(bodies)])
         bumped = bool(flags & form.BUMPED)
-        return Sensed(self._now + stamp, left_m, right_m, gyro, compass, heard, seen, bumped, TRUTH, fix)
+        return Sensed(self._now + stamp, left_m, right_m, gyro, compass, heard, seen, bumped, TRUTH, fix, told)

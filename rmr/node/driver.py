@@ -16,7 +16,7 @@ from rmr.base.geometry import STILL, Point, Pose, Twist, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds
-from rmr.base.values import Symbol
+from rmr.base.values import Symbol, Value
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.approach import Approach, is_divided, is_free_way, sides
 from rmr.node.logic.sensed_facts import SensedFacts
@@ -65,6 +65,8 @@ class Driver:
         self._body = body
         self._bodies: tuple[SeenBody, ...] = ()
         self._bumped = False
+        self._told: list[tuple[tuple[str, tuple[Value, ...]], ...]] = []
+        """Facts from outside that are to be stated."""
         self._areas = [(area, (Symbol(area.name),), extent(area)) for area in arena.areas]
         self._stated_pose: Pose | None = None
         self._stated_place: Point | None = None
@@ -128,7 +130,9 @@ class Driver:
 
     def step(self, now: Instant, rank: Callable[[], int], peers: Peers) -> None:
         """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
-        samples = [sample for sample in self._body.sense() if self.localiser.feed(now, sample)]
+        sensed = self._body.sense()
+        samples = [sample for sample in sensed if self.localiser.feed(now, sample)]
+        self._told += [sample.facts for sample in sensed if sample.facts is not None]
         if samples:
             self._bodies = samples[-1].bodies
             self._bumped = any(sample.bumped for sample in samples)
@@ -226,7 +230,9 @@ class Driver:
         self._body.act(twist, now)
 
     def state(self, now: Instant, senses: SensedFacts) -> list[Area]:
-        """State the facts `at`, `pose` and `obstacle`; return the areas at which the robot has just arrived."""
+        """State `at`, `pose`, `obstacle` and what came from outside; return the areas at which it has just arrived."""
+        while self._told:
+            senses.tell(now, self._told.pop(0))
         pose = self.localiser.pose
         place = self.place
         if senses.used("obstacle"):

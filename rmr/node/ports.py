@@ -10,6 +10,7 @@ from typing import Final, NamedTuple, Protocol, final
 
 from rmr.base.geometry import Twist
 from rmr.base.time import NEVER, Duration, Instant
+from rmr.base.values import Value
 from rmr.radio.air import Confirmed, Received
 
 __all__ = ["BodyPort", "Confirmed", "Ports", "PoseFix", "RadioPort", "Received", "SeenBody", "Sensed", "Spoken"]
@@ -96,7 +97,7 @@ class PoseFix:
 class Sensed:
     """One sample of everything that a robot senses. It is never changed."""
 
-    __slots__ = ("bodies", "bumped", "compass", "fix", "gyro", "left_m", "ranges", "right_m", "stamp", "truth")
+    __slots__ = ("bodies", "bumped", "compass", "facts", "fix", "gyro", "left_m", "ranges", "right_m", "stamp", "truth")
 
     def __init__(
         self,
@@ -110,6 +111,7 @@ class Sensed:
         bumped: bool,
         truth: tuple[float, float, float],
         fix: PoseFix | None = None,
+        facts: tuple[tuple[str, tuple[Value, ...]], ...] | None = None,
     ) -> None:
         self.stamp: Final = stamp
         self.left_m: Final = left_m
@@ -129,6 +131,8 @@ class Sensed:
         """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
         self.fix: Final = fix
         """A pose measured from outside that arrived since the last sample."""
+        self.facts: Final = facts
+        """All facts that hold by what was said outside, without their owner; None: nothing was said."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sensed) and self._values() == other._values()
@@ -136,9 +140,14 @@ class Sensed:
     def __hash__(self) -> int:
         return self._values().__hash__()
 
+    def telling(self, facts: tuple[tuple[str, tuple[Value, ...]], ...]) -> "Sensed":
+        """Return the same sample with `facts`."""
+        felt = (self.stamp, self.left_m, self.right_m, self.gyro, self.compass, self.ranges, self.bodies)
+        return Sensed(*felt, self.bumped, self.truth, self.fix, facts)
+
     def _values(self) -> tuple[object, ...]:
         felt = (self.stamp, self.left_m, self.right_m, self.gyro, self.compass, self.ranges)
-        return (*felt, self.bodies, self.bumped, self.truth, self.fix)
+        return (*felt, self.bodies, self.bumped, self.truth, self.fix, self.facts)
 
 
 class Spoken(NamedTuple):

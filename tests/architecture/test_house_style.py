@@ -18,6 +18,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.lang.lower.emitter": "one class, a method for each construct that has code",
     "rmr.lang.read.tree_builder": "one class, a method for each rule of the grammar",
     "rmr.lang.read.syntax": "the nodes of the syntax tree, one record for each rule of the grammar",
+    "rmr.node.driver": "one robot's drive: samples in, wheels and facts out, and one state between them",
     "rmr.node.crossing.crossing": "one state machine: its phases and all of its transitions",
     "rmr.node.crossing.crossings": "the crossings of one robot at events, stations and passages: one table",
     "rmr.node.motion.navigator": "one drive: its order, route, gates and manoeuvres are one state",

@@ -209,6 +209,62 @@ def test_a_robot_with_a_mind_is_shown_and_not_driven_by_others(tmp_path, watcher
     assert (run / "logs" / "world.jsonl").read_text().count(said) == 1
 
 
+CHARGED = """\
+type action moveto(R: robot, A: area) -o at(R, A).
+type sensor at(robot, area).
+type sensor charge(robot, float).
+start(R).
+start(R), charge(R, C), C > 0.5 -o full(R).
+full(R), charge(R, C), C < 0.2 -o moveto(R, there).
+"""
+FACT = "facts: [{topic: battery_state, type: sensor_msgs/BatteryState, fact: 'charge(R, percentage)', every: 200ms}]\n"
+
+
+def test_a_fact_holds_with_the_newest_message_of_a_topic(tmp_path, watcher):
+    from sensor_msgs.msg import BatteryState
+
+    (tmp_path / "lab.yaml").write_text(METRE.format(name="metre") + FACT)
+    (tmp_path / "metre.rmr").write_text(CHARGED)
+    level = [0.9]
+    publisher = watcher.node.create_publisher(BatteryState, "/robot_4/battery_state", 10)
+    watcher.node.create_timer(0.1, lambda: publisher.publish(BatteryState(percentage=level[0])))
+    run = tmp_path / "run"
+    words = [sys.executable, "-m", "rmr", "up", tmp_path, "--run", run]
+
+    def held():
+        command = [sys.executable, "-m", "rmr", "facts", "4", "--run", run]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+    with subprocess.Popen(words, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as up:
+        eventually(lambda: up.poll() is not None or "full(@4)" in held())
+        level[0] = 0.1
+        said = up.communicate(timeout=100)[0]
+    assert up.returncode == 0, said
+    assert json.loads((run / "report.json").read_text())["finished"]
+
+
+@pytest.mark.parametrize(
+    ("was", "written", "said"),
+    [
+        ("percentage", "percent", "facts.0: sensor_msgs/BatteryState has no field percent; did you mean percentage?"),
+        ("BatteryState", "Batery", "facts.0: sensor_msgs has no messages Batery; did you mean BatteryState?"),
+        ("percentage", "present", "facts.0: argument 2 of 'charge' is a float, and the field present a boolean"),
+        ("percentage", "header", "facts.0: the field header is a std_msgs/Header; name a field of it: header.stamp"),
+        ("percentage", "header.stamp.sec.x", "facts.0: int32 has no field x"),
+        ("R, percentage", "R, percentage, voltage", "facts.0.fact: 'charge' has 2 arguments in the program, here 3"),
+        ("charge", "chrge", "facts.0.fact: the program knows no fact 'chrge'; did you mean 'charge'?"),
+    ],
+)
+def test_a_fact_that_cannot_be_had_is_named_before_the_lab_begins(tmp_path, was, written, said):
+    (tmp_path / "lab.yaml").write_text(METRE.format(name="metre") + FACT.replace(was, written))
+    (tmp_path / "metre.rmr").write_text(CHARGED)
+    words = [sys.executable, "-m", "rmr", "up", tmp_path, "--run", tmp_path / "run"]
+    ended = subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    assert ended.returncode != 0
+    assert said in ended.stdout + ended.stderr
+    assert "Traceback" not in ended.stdout + ended.stderr
+
+
 def test_one_lab_drives_the_simulated_robot_of_another_one_over_topics(tmp_path):
     for name, bodies in (("simulated", ""), ("driven", "bodies: [{ros2: {namespace: '/robot_{id}', pose: pose}}]\n")):
         folder = tmp_path / name

@@ -106,7 +106,7 @@ def _check_lab(found: CheckResult, path: Path, *, execute: bool) -> None:
     if not lab.program.exists():
         found.findings.append(program_missing(lab))
         return
-    _load(found, lab.program, [fact.name for fact in lab.stated_facts], closed=lab.is_closed)
+    _load(found, lab.program, lab.given, closed=lab.is_closed)
     if found.program is None:
         return
     found.findings += run_findings(lab, found.program)
@@ -156,7 +156,9 @@ def _compile_of_wrong_lab(found: CheckResult, file: Path) -> None:
     name = value.get("program")
     facts = value.get("facts")
     if isinstance(name, str) and Path(name).suffix in PROGRAM_SUFFIXES and (file.parent / name).is_file():
-        stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
+        items = facts if isinstance(facts, list) else []
+        texts = [item.get("fact") if isinstance(item, dict) else item for item in items]
+        stated = [str(text).split("(")[0].strip(" !") for text in texts]
         _load(found, file.parent / name, stated)
 
 

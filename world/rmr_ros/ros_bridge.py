@@ -29,8 +29,10 @@ from rclpy.signals import SignalHandlerOptions
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, Instant
+from rmr.base.values import Value
 from rmr.node.ports import SeenBody, Sensed
 from rmr_ros.ros_body import COMMAND_AGE_MAX, BodyTopics, RosBody, deviations, heading
+from rmr_ros.ros_facts import FactTopics, TopicFactError, TopicReading
 from rmr_ros.ros_view import RosView
 
 READY_S_MAX: Final = 20.0
@@ -81,7 +83,14 @@ class RosBridge:
     """A lab in ROS 2. Making it opens a node; `close` ends it. Raises BridgeError."""
 
     def __init__(
-        self, lab: str, bodies: Sequence[BodyTopics], arena: Arena, starts: Mapping[int, Pose], *, shows: bool = False
+        self,
+        lab: str,
+        bodies: Sequence[BodyTopics],
+        arena: Arena,
+        starts: Mapping[int, Pose],
+        readings: Sequence[TopicReading] = (),
+        *,
+        shows: bool = False,
     ) -> None:
         """`starts` has all robots; those without a body of `bodies` are shown to ROS 2 if it `shows` them."""
         self._links = {spec.robot: _Link(spec, arena, starts[spec.robot]) for spec in bodies}
@@ -96,6 +105,12 @@ class RosBridge:
             )
         except Exception as error:  # rclpy has a kind of its own for each; what they tell is the environment
             raise BridgeError(f"ROS 2 does not start here, look at its environment variables: {error}") from None
+        try:
+            self._facts = FactTopics(self._node, readings, _quality)
+        except TopicFactError as error:
+            raise BridgeError(str(error)) from None
+        if readings:
+            self._node.create_timer(0.5, lambda: self._facts.look(time.monotonic_ns()))
         self.view = RosView(self._node, arena, sorted(starts.keys() - self._links.keys())) if shows else None
         """Of the other robots."""
         self._begun = False
@@ -211,6 +226,7 @@ class RosBridge:
                 link.inbox.popleft()[1]()
             link.body.step(now, clock)
             self._say(robot, link, clock)
+        self._facts.step(clock)
 
     def _say(self, robot: int, link: _Link, clock: Instant) -> None:
         """Log what is wrong with a robot when that changes."""
@@ -224,6 +240,10 @@ class RosBridge:
             log.warning("robot %d: %s", robot, why)
         else:
             log.info("robot %d: located at (%.2f, %.2f)", robot, body.pose.x, body.pose.y)
+
+    def told(self, robot: int) -> tuple[tuple[str, tuple[Value, ...]], ...] | None:
+        """Return all facts of `robot` that hold by its topics; None if it knows them."""
+        return self._facts.told(robot, time.monotonic_ns())
 
     def body(self, robot: int) -> RosBody:
         """Return the body of `robot`."""

@@ -40,9 +40,14 @@ class AllBodies:
 
     def sense(self, robot: int, now: Instant) -> Sensed | None:
         """Return a sample of `robot`; None if nothing comes from it."""
-        if self._bridge is not None and robot in self._elsewhere:
-            return self._bridge.sense(robot, now, self._physics.in_view(robot))
-        return self._physics.sense(robot, now)
+        if self._bridge is None:
+            return self._physics.sense(robot, now)
+        if robot in self._elsewhere:
+            sample = self._bridge.sense(robot, now, self._physics.in_view(robot))
+        else:
+            sample = self._physics.sense(robot, now)
+        told = None if sample is None else self._bridge.told(robot)
+        return sample if sample is None or told is None else sample.telling(told)
 
     def show(self, now: Instant, minds: Collection[int]) -> None:
         """Let the view show all bodies as they are at `now`, and drive those that have no mind in `minds`.

@@ -12,7 +12,7 @@ from typing import Any
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import ANY, Anything, Constant
-from rmr_world.random_facts import Range, StatedFact
+from rmr_world.random_facts import LabFact, Range, StatedFact
 
 TERM_DEPTH_MAX = 8
 """Bound of nested lists; deeper ones have no use and would exhaust the stack of the recursive parser."""
@@ -52,7 +52,7 @@ _TOKEN = re.compile(
     | (?P<number>{_NUMBER})(?P<unit>{_UNIT})?(?![A-Za-z0-9_.])
     | (?P<string>"(?:[^"\\\n]|\\.)*")
     | (?P<variable>[A-Z_][A-Za-z0-9_]*)
-    | (?P<name>[a-z][A-Za-z0-9_]*)
+    | (?P<name>[a-z][A-Za-z0-9_]*(?:\.[a-z][A-Za-z0-9_]*)*)
     | (?P<mark>[][(),.!])
     )""",
     re.VERBOSE,
@@ -63,8 +63,10 @@ _SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0}
 class _Terms:
     """A recursive-descent parser of one fact."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, paths: bool = False) -> None:
+        """`paths`: whether names may have points in them."""
         self._text = text
+        self._paths = paths
         self._at = 0
         self._token: re.Match[str] | None = None
         self._step()
@@ -72,6 +74,8 @@ class _Terms:
     def _step(self) -> None:
         self._at = self._token.end() if self._token else 0
         self._token = _TOKEN.match(self._text, self._at)
+        if self._token and "." in (self._token["name"] or "") and not self._paths:
+            raise TermError(f"expected a value, found '{self._token['name'][:20]}'")
 
     def _wrong(self, expected: str) -> TermError:
         rest = self._text[self._at :].strip()
@@ -188,6 +192,21 @@ def parse_fact(text: str) -> StatedFact:
     if len(args) != len(terms) - 1:
         raise TermError("only the owner may be a variable here")
     return StatedFact(name, None if isinstance(owner, _Variable) else int(owner), args)
+
+
+def parse_topic_fact(text: str) -> LabFact:
+    """Return the fact written in `text`, in which symbols are paths of fields of a message. Raises TermError."""
+    name, terms = _Terms(text, paths=True).fact()
+    owner = _owner(terms, name, "R")
+    for term in terms[1:]:
+        if isinstance(term, _Variable | Range | tuple):
+            raise TermError("an argument is a field of the message, such as voltage or pose.position.x, or a constant")
+    if not any(isinstance(term, Symbol) for term in terms[1:]):
+        raise TermError(
+            f"holds nothing of the message: name a field of it, {name}({text[len(name) + 1 : -1]}, voltage)"
+        )
+    args = tuple(term for term in terms[1:] if not isinstance(term, _Variable | Range))
+    return LabFact(name, None if isinstance(owner, _Variable) else int(owner), args)
 
 
 def parse_finish(text: str) -> FinishPattern:

@@ -74,6 +74,27 @@ class Ros2Body:
     sigma_rad: float = 0.0524
     origin: Pose = _NO_OFFSET
     """Pose of the floor's lower left corner in the frame of the poses."""
+    namespace: str = ""
+    """In which the topics of its facts are."""
+
+
+@record
+class TopicFact:
+    """A sensed fact that holds with the newest message of a topic of ROS 2."""
+
+    topic: str
+    """`{id}` stands for the robot's id; without a leading / it is within the robot's namespace."""
+    type: str
+    fact: LabFact
+    """Its symbols are paths of fields."""
+    every: Duration
+    item: int
+    """Index of its entry under `facts` in the file."""
+
+    def name_of(self, robot: int, namespace: str) -> str:
+        """Return the topic of `robot`, whose topics are in `namespace`, from the root."""
+        name = self.topic if self.topic.startswith("/") else f"{namespace}/{self.topic}"
+        return name.replace("{id}", str(robot))
 
 
 @record
@@ -173,6 +194,8 @@ class Lab:
     localisation: Localisation = field(default_factory=Localisation)
     bodies: tuple[Ros2Body, ...] = ()
     """The bodies that are not simulated; `rmr sim` simulates them, too."""
+    topic_facts: tuple[TopicFact, ...] = ()
+    """Facts that come from ROS 2; `rmr sim` has none of them."""
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""
@@ -215,9 +238,14 @@ class Lab:
         return tuple(map(parse_fact, self.facts))
 
     @property
+    def given(self) -> list[str]:
+        """The predicates of facts that come with the lab."""
+        return [*(fact.name for fact in self.stated_facts), *(each.fact.name for each in self.topic_facts)]
+
+    @property
     def is_closed(self) -> bool:
         """Whether robots get no facts but `facts` and what their program derives and senses."""
-        return self.actions is None and self.events is None and not self.loads
+        return self.actions is None and self.events is None and not self.loads and not self.topic_facts
 
     @property
     def initial_facts(self) -> tuple[LabFact, ...]:
@@ -259,6 +287,7 @@ class Lab:
         items = self.fact_items or range(len(self.facts))
         fact_items = tuple(items[i] for i in kept)
         bodies = tuple(body for body in self.bodies if body.robot in ids)
+        topic_facts = tuple(each for each in self.topic_facts if each.fact.owner is None or each.fact.owner in ids)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)
         loads = tuple(
             replace(load, robots=tuple(robot for robot in load.robots if robot in ids))
@@ -272,6 +301,7 @@ class Lab:
             facts=facts,
             fact_items=fact_items,
             bodies=bodies,
+            topic_facts=topic_facts,
             faults=faults,
             disturbances=disturbances,
             loads=loads,

@@ -58,8 +58,7 @@ def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
     """Return the program that `lab` names. Raises LabError if there is no such file, else as `load_program`."""
     if not lab.program.exists():
         raise LabError([program_missing(lab)])
-    stated = [fact.name for fact in lab.stated_facts]
-    return load_program(lab.program, color=color, stated=stated, closed=lab.is_closed)
+    return load_program(lab.program, color=color, stated=lab.given, closed=lab.is_closed)
 
 
 def later_programs(lab: Lab, *, durable: bool) -> tuple[tuple[ProgramLoad, LoadedProgram], ...]:

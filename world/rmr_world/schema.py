@@ -12,7 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import pydantic
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 
 from rmr.base.time import NS_PER_S, tick_start
 from rmr.base.values import ROBOT_ID_MAX
@@ -25,6 +35,7 @@ from rmr_world.units import PASSAGES_MAX, ROBOTS_MAX, angle, duration, ids, ids_
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 NAMESPACE = r"^(/|(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)+)$"
+MESSAGE = r"^[a-z][a-z0-9_]*/(msg/)?[A-Z][A-Za-z0-9]*$"
 TOPIC = r"^/?([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)*$"
 HOST_NAME = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
 HOST_ADDRESS = r"^([A-Za-z0-9_]([A-Za-z0-9_.-]{0,252}[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
@@ -378,6 +389,25 @@ class Ros2Spec(_Strict):
     origin: tuple[Number, Number, Angle] = (0.0, 0.0, 0.0)
 
 
+class TopicFactSpec(_Strict):
+    """A sensed fact that holds with the newest message of a topic of ROS 2, read every so often.
+
+    In place of a value it has the path of a field of the message.
+    """
+
+    topic: Topic
+    type: Annotated[str, Field(pattern=MESSAGE)]
+    fact: str
+    every: Annotated[DurationNs, Field(gt=0)] = NS_PER_S
+
+
+FactItem = Annotated[
+    Annotated[str, Tag("(text)")] | Annotated[TopicFactSpec, Tag("(topic)")],
+    Discriminator(lambda item: "(topic)" if isinstance(item, dict | TopicFactSpec) else "(text)"),
+    WithJsonSchema({"anyOf": [{"type": "string"}, TopicFactSpec.model_json_schema()]}),
+]
+
+
 class BodySpec(_Strict):
     """What the bodies of some robots are, or of all."""
 
@@ -521,7 +551,7 @@ class LabFile(_Strict):
     ) = None
     stations: Annotated[dict[str, StationSpec], BeforeValidator(stations_value), WithJsonSchema(STATIONS_SCHEMA)] = {}
     robots: Annotated[list[RobotSpec], Field(min_length=1)]
-    facts: list[str] = []
+    facts: list[FactItem] = []
     robot: ShapeSpec = ShapeSpec()
     radio: RadioSpec = RadioSpec()
     bus: BusSpec = BusSpec()

@@ -53,7 +53,8 @@ def sense_of(sensed: Sensed) -> wire.Sense:
     s = sensed
     bodies = tuple([(body.x, body.y, body.vx, body.vy) for body in s.bodies])
     fix = None if s.fix is None else s.fix.values()
-    return wire.Sense(s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges, bodies, s.bumped, s.truth, fix)
+    felt = (s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges)
+    return wire.Sense(*felt, bodies, s.bumped, s.truth, fix, s.facts)
 
 
 def truth_of(physics: World, roster: tuple[int, ...], stamp: Instant, late: int, *, final: bool) -> wire.Truth:

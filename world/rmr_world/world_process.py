@@ -32,6 +32,7 @@ from rmr.bus.process import (
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.bus.secret import Secret, SecretError
 from rmr.bus.session import Bus, open_bus, open_when_there
+from rmr.bytecode.program import Program
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.record.run_files import attach_lab
@@ -47,6 +48,7 @@ NO_RCLPY = "install rclpy by pip install 'rmr-robots[ros2]', or source the setup
 
 if TYPE_CHECKING:
     from rmr_ros.ros_bridge import RosBridge
+    from rmr_ros.ros_facts import TopicReading
 
 log = logging.getLogger("rmr")
 
@@ -55,17 +57,19 @@ class InvalidError(Exception):
     """The program does not go with the lab; the message is what a person is shown."""
 
 
-def _load(options: argparse.Namespace) -> Lab:
+def _load(options: argparse.Namespace) -> tuple[Lab, Program | None]:
+    """Return the lab, and the program that it is checked against: that of the options, or one that its topics need."""
+    program = None
     lab = load_lab(options.config)
     if options.seed is not None:
         lab = replace(lab, seed=options.seed)
-    if options.program is not None:
-        _check_program(lab, options.program)
-    return lab if options.robots is None else lab.with_robots(options.robots)
+    if options.program is not None or lab.topic_facts:
+        program = _checked_program(lab, options.program or lab.program)
+    return lab if options.robots is None else lab.with_robots(options.robots), program
 
 
-def _check_program(lab: Lab, path: Path) -> None:
-    """Raise InvalidError for a program in `path` that is none, LabError where it and the lab do not fit."""
+def _checked_program(lab: Lab, path: Path) -> Program:
+    """Return the program in `path`. Raises InvalidError if it is none, LabError where it and the lab do not fit."""
     # The front end is heavy, and a world that is given no program starts without it.
     from rmr_world.lab_program import (  # noqa: PLC0415
         ProgramError,
@@ -74,7 +78,7 @@ def _check_program(lab: Lab, path: Path) -> None:
     )
 
     try:
-        validated(lab, load_program(path, stated=[fact.name for fact in lab.stated_facts]))
+        return validated(lab, load_program(path, stated=lab.given)).program
     except ProgramError as error:
         raise InvalidError(str(error)) from None
 
@@ -98,20 +102,39 @@ async def _open(options: argparse.Namespace, secret: Credentials | None, ending:
     return opening.result() if await ending.unless_asked(opening) else None
 
 
-async def _bridge(lab: Lab, ending: Ending, *, shows: bool = False) -> "RosBridge | None":
+def _readings(lab: Lab, program: Program | None) -> "list[TopicReading]":
+    """Return what each robot reads of topics."""
+    from rmr_ros.ros_facts import TopicReading  # noqa: PLC0415 - as the bridge
+
+    spaces = {body.robot: body.namespace for body in lab.bodies}
+    found = []
+    for each in lab.topic_facts:
+        assert program is not None, "it is loaded for a lab with such facts"
+        name = each.fact.name
+        types = tuple(kind.base.name.lower() for kind in program.predicates[program.index(name) or 0].types)
+        for robot in (one for one in lab.roster if each.fact.owner in (None, one)):
+            topic = each.name_of(robot, spaces.get(robot, f"/robot_{robot}"))
+            found.append(TopicReading(each.item, robot, topic, each.type, name, each.fact.args, types, each.every))
+    return found
+
+
+async def _bridge(
+    lab: Lab, ending: Ending, program: Program | None = None, *, shows: bool = False
+) -> "RosBridge | None":
     """Return the lab in ROS 2, once its robots there have come; None without any, or where the end came before."""
-    if not lab.bodies and not shows:
+    if not lab.bodies and not lab.topic_facts and not shows:
         return None
     try:
         from rmr_ros.ros_bridge import BridgeError, RosBridge  # noqa: PLC0415 - rclpy, for labs that ask for it
     except ImportError as error:
         robots = spelled([body.robot for body in lab.bodies])
-        why = f"robots {robots} have bodies in ROS 2" if robots else "--ros2 shows the robots in ROS 2"
+        others = "the lab has facts from topics" if lab.topic_facts else "--ros2 shows the robots in ROS 2"
+        why = f"robots {robots} have bodies in ROS 2" if robots else others
         ending.ask(f"{why}: {NO_RCLPY} ({error})", ExitCode.FAILED)
         return None
     try:
         starts = {robot.id: robot.pose for robot in lab.robots}
-        bridge = RosBridge(lab.name, lab.bodies, lab.arena, starts, shows=shows)
+        bridge = RosBridge(lab.name, lab.bodies, lab.arena, starts, _readings(lab, program), shows=shows)
     except BridgeError as error:
         ending.ask(str(error), ExitCode.FAILED)
         return None
@@ -129,11 +152,16 @@ async def _bridge(lab: Lab, ending: Ending, *, shows: bool = False) -> "RosBridg
 
 
 async def _live(
-    options: argparse.Namespace, lab: Lab, secret: Credentials | None, folder: WorldFolder | None, ending: Ending
+    options: argparse.Namespace,
+    lab: Lab,
+    program: Program | None,
+    secret: Credentials | None,
+    folder: WorldFolder | None,
+    ending: Ending,
 ) -> None:
     handle_signals(ending)
     hold_lifeline()
-    bridge = await _bridge(lab, ending, shows=options.ros2)
+    bridge = await _bridge(lab, ending, program, shows=options.ros2)
     bus = None if ending.asked else await _open(options, secret, ending)
     if bus is None:
         if bridge is not None:
@@ -177,7 +205,7 @@ def perform(options: argparse.Namespace) -> int:
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
-        lab = _load(options)
+        lab, program = _load(options)
         secret = secret_of_listener(options.secret, makes=options.connect is None)
         check_keys(secret, "world", of=lab.name if lab.mtls else None)
         folder = None if options.state is None else WorldFolder(options.state, map_of(lab, lab.seed))
@@ -188,4 +216,4 @@ def perform(options: argparse.Namespace) -> int:
         print(f"rmr-world: {error.filename or options.config}: {error.strerror}", file=sys.stderr)
         return ExitCode.INVALID
     ending = Ending()
-    return run_to_end(_live(options, lab, secret, folder, ending), ending, log)
+    return run_to_end(_live(options, lab, program, secret, folder, ending), ending, log)

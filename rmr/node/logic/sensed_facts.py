@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
+from rmr.bytecode.conform import conforms
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.machine import Machine
 from rmr.vm.provenance import SENSED
@@ -25,6 +26,7 @@ class SensedFacts:
             for i, p in enumerate(program.predicates)
             if p.kind is Kind.SENSED or (p.provided and p.kind is not Kind.ACTION)
         }
+        self._types = {name: program.predicates[i].types for name, i in self._index.items()}
         self._held: dict[str, dict[Args, None]] = {}
         self.changed: Instant = 0
         """When a fact came or went last."""
@@ -79,3 +81,13 @@ class SensedFacts:
                 self.drop(now, name, args)
         for args in wanted:
             self.add(now, name, args)
+
+    def tell(self, now: Instant, facts: Iterable[tuple[str, Args]]) -> None:
+        """State that exactly `facts` hold of their predicates; one that the program cannot hold is left out."""
+        by_name: dict[str, list[Args]] = {}
+        for name, args in facts:
+            types = self._types.get(name, ())
+            fits = name in self._index and len(types) == len(args) and all(map(conforms, args, types))
+            by_name.setdefault(name, []).extend([args] if fits else [])
+        for name, told in by_name.items():
+            self.replace(now, name, told)

@@ -161,6 +161,7 @@ MESSAGES = {
         st.booleans(),
         poses,
         st.none() | st.tuples(places, places, quantities, lengths, lengths),
+        st.none() | st.lists(st.tuples(names, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
     ),
     wire.Act: st.builds(wire.Act, quantities, quantities, instants),
     wire.AskClock: st.just(wire.AskClock()),

@@ -14,3 +14,11 @@ def test_bodies_have_the_names_of_their_topics():
     assert [body["robot"] for body in lab["bodies"]] == [4, 5, 6]
     assert lab["bodies"][0]["cmd_vel"] == "/tb3_4/cmd_vel"
     assert len(lab["bodies"][0]["origin"]) == 3
+
+
+def test_facts_from_topics_stand_beside_those_of_the_start(tmp_path):
+    entry = {"topic": "battery", "type": "sensor_msgs/BatteryState", "fact": "charge(R, percentage)"}
+    text = EXAMPLE.with_name("metre.yaml").read_text() + f"facts: ['due(@4, 3)', {json.dumps(entry)}]\n"
+    (tmp_path / "lab.yaml").write_text(text)
+    lab = json.loads(json.dumps(resolved_lab(load_lab(tmp_path / "lab.yaml"))))
+    assert lab["facts"] == ["due(@4, 3)", entry | {"every_s": 1.0}]

@@ -124,6 +124,28 @@ def test_fixes_and_the_want_of_a_compass_are_logged_and_the_replay_is_located_as
     assert [one for op in operations if op.kind == form.SENSED for one in op.value] == body.sensed
 
 
+def test_facts_from_outside_hold_with_the_newest_sample_are_logged_and_replayed():
+    source = "type sensor dock(robot, area).\ntype sensor charge(robot, float).\ncharge(R, C), C < 0.2 -o low(R)."
+    body = FixedBody()
+    host = Host(source, body)
+    host.node.start(0)
+    area = Symbol("north")
+    told = [
+        (("charge", (0.9,)), ("dock", (area,))),
+        None,
+        (("charge", (0.1,)), ("unknown", (1,)), ("dock", (3,)), ("dock", (area, area))),
+    ]
+    held = []
+    for tick, facts in enumerate(told, start=1):
+        sample = Sensed(tick_start(tick), 0.0, 0.0, 0.0, None, (), (), False, (0.0, 0.0, 0.0))
+        body.samples = [sample if facts is None else sample.telling(facts)]
+        host.node.tick(tick_start(tick))
+        held.append((host.node.senses.of("charge"), host.node.senses.of("dock")))
+    assert held == [([(0.9,)], [(area,)]), ([(0.9,)], [(area,)]), ([(0.1,)], [])]
+    assert "low(@1)" in host.node.machine.facts()
+    assert host.replay().node.senses.of("charge") == [(0.1,)]
+
+
 def test_neighbors_that_the_host_offers_are_logged_when_they_change():
     host = Host()
     host.node.start(0)

@@ -1,5 +1,7 @@
 """The lab file: every mistake with its line and column, all at once."""
 
+from dataclasses import replace
+
 import pytest
 from world_labs import ROOM, complaints, lab_of, problems_of
 
@@ -64,6 +66,21 @@ MISTAKES = [
         "bodies: [{ros2: {namespace: /a}}, {robots: 1, ros2: {namespace: /b}}]",
         "6:35: bodies.1: robot 1 has a body already",
     ),
+    ("facts: [{topic: b, fact: 'b(R, v)'}]", "6:9: facts.0.type: is missing"),
+    (
+        "facts: [{topic: b, type: Battery, fact: 'b(R, v)'}]",
+        "6:26: facts.0.type: should be a type of messages such as sensor_msgs/BatteryState, not 'Battery'",
+    ),
+    ("facts: [{topic: 4x, type: a/B, fact: 'b(R, v)'}]", "6:17: facts.0.topic: should be a topic of ROS 2"),
+    (
+        "facts: [{topic: b, type: a/B, fact: 'b(R, v)', evry: 1s}]",
+        "6:48: facts.0.evry: unknown key; did you mean 'every'?",
+    ),
+    ("facts: [{topic: b, type: a/B, fact: 'b(R, v)', every: 0s}]", "6:55: facts.0.every: should be greater than 0"),
+    ("facts: [{topic: b, type: a/B, fact: 'b(R, V)'}]", "6:37: facts.0.fact: an argument is a field of the message"),
+    ("facts: [{topic: b, type: a/B, fact: 'b(@9, v)'}]", "6:37: facts.0.fact: robot 9 is not in this lab"),
+    ("facts: ['due(@1, a.b)']", "6:9: facts.0: expected a value, found 'a.b'"),
+    ("facts: [4]", "6:9: facts.0: should be a valid string, not 4; a fact is text"),
     ("obstacles: [{box: [1, 1, 0, 2]}]", "6:13: obstacles.0: box should be [x0, y0, x1, y1] with x0 < x1"),
     ("obstacles: [{box: [0, 0, 1]}]", "6:19: obstacles.0.box.3: is missing"),
     ("obstacles: [{}]", "6:13: obstacles.0: should have exactly one of box, circle, polygon"),
@@ -165,6 +182,21 @@ def test_bodies_in_ros_2_have_the_topics_of_their_robot(tmp_path):
     assert lab_of(tmp_path, TWO + "bodies: simulated\n").bodies == ()
     at_root = lab_of(tmp_path, ROOM + "bodies: [{ros2: {namespace: /}}]\n")
     assert at_root.bodies[0].odom == "/odom"
+
+
+def test_facts_of_topics_are_apart_from_those_of_the_start_which_keep_their_place(tmp_path):
+    entry = "{topic: battery, type: sensor_msgs/BatteryState, fact: 'battery(R, voltage)', every: 500ms}"
+    lab = lab_of(tmp_path, TWO + f"facts:\n  - {entry}\n  - due(@1, 20..60)\n  - {entry.replace('R,', '@2,')}\n")
+    assert (lab.facts, lab.fact_items) == (("due(@1, 20..60)",), (1,))
+    assert lab.given == ["due", "battery", "battery"]
+    assert not lab.is_closed
+    first, second = lab.topic_facts
+    assert (first.item, first.every, first.fact.owner, second.item, second.fact.owner) == (0, 500_000_000, None, 2, 2)
+    assert first.name_of(2, "/tb3_2") == "/tb3_2/battery"
+    assert replace(first, topic="/fleet/r{id}").name_of(2, "/tb3_2") == "/fleet/r2"
+    assert lab.with_robots(1).topic_facts == lab.topic_facts  # robot 2 is the first in the file
+    spare = lab_of(tmp_path, TWO.replace("id: 2", "id: 3") + f"facts: [{entry.replace('R,', '@1,')}]\n")
+    assert spare.with_robots(1).topic_facts == ()
 
 
 ROBOT_MISTAKES = [

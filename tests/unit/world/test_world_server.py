@@ -189,6 +189,9 @@ class Bridge:
         fix = PoseFix(*self.at, 0.02, 0.03)
         return None if self.silent else Sensed(now, 0.1, 0.2, 0.0, None, (), bodies, False, tuple(self.at), fix)
 
+    def told(self, robot: int) -> None:
+        return None
+
     def act(self, *command: object) -> None:
         self.acts.append(command)
 
@@ -244,7 +247,9 @@ class View:
 def test_a_view_shows_all_bodies_and_drives_those_without_a_mind(monkeypatch):
     ticks = count(1)
     monkeypatch.setattr(server.time, "monotonic_ns", lambda: tick_start(next(ticks)))
-    bridge = SimpleNamespace(robots=(), view=View(), step=lambda _now: None)
+    bridge = SimpleNamespace(
+        robots=(), view=View(), step=lambda _now: None, told=lambda _robot: ((("battery", (0.5,)),))
+    )
     lab = load_lab(LABS / "testbed" / "lab.yaml")
     world = WorldServer(lab, 1, StubBus(), Ending(), when_ready=False, bridge=bridge)
     world._time.start(0, 0)

@@ -5,6 +5,7 @@ from world_labs import LABS, ROOM, lab_of
 
 from rmr.bytecode.codec import decode, encode
 from rmr.lang.compiler import compile_file, compile_source
+from rmr_world.finding import LabError
 from rmr_world.lab_file import load_lab
 from rmr_world.validate.program_fit import CHECKS
 
@@ -116,6 +117,30 @@ def test_a_fact_of_the_lab_that_the_program_cannot_hold_is_named(tmp_path, fact,
     source = "start(R), due(R, D), place(R, A) -o shout(R)."
     found = judged(tmp_path, source, f"facts:\n  - 'due(@1, 25)'\n  - '{fact}'\n")
     assert found == [f"lab.yaml:9:5: facts.1: {complaint}"]
+
+
+@pytest.mark.parametrize(
+    ("fact", "complaint"),
+    [
+        ("chrge(R, v)", "the program knows no fact 'chrge'; did you mean 'charge'?"),
+        ("charge(R)", "holds nothing of the message"),
+        ("charge(R, v, w)", "'charge' has 2 arguments in the program, here 3"),
+        ("due(R, v)", "a fact from a topic is a sensed one: declare 'type sensor due(robot, ...)'"),
+        ("at(R, v)", "the robot senses 'at' itself: declare another one"),
+        ("charge(R, v)", ""),
+        ("battery(R, v)", ""),
+    ],
+)
+def test_a_fact_from_a_topic_is_a_sensed_one_of_the_program(tmp_path, fact, complaint):
+    source = (
+        "type sensor charge(robot, float).\nstart(R), due(R, D), charge(R, C), battery(R, B), at(R, yard) -o shout(R)."
+    )
+    try:
+        found = judged(tmp_path, source, f"facts:\n  - 'due(@1, 25)'\n  - {{topic: t, type: a/B, fact: '{fact}'}}\n")
+    except LabError as error:
+        found = str(error).splitlines()
+    assert len(found) == bool(complaint)
+    assert not found or f"facts.1.fact: {complaint}" in found[0]
 
 
 def test_an_undefined_area_in_a_fact_of_the_lab_is_named(tmp_path):

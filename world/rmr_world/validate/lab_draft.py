@@ -20,7 +20,7 @@ from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
-from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
+from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish, parse_topic_fact
 from rmr_world.finding import FilePath, Finding, near_miss
 from rmr_world.found_passages import found_passages
 from rmr_world.hosts import hosts_of
@@ -38,6 +38,7 @@ from rmr_world.lab import (
     Ros2Body,
     Slow,
     Stall,
+    TopicFact,
 )
 from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
 from rmr_world.random_facts import StatedFact
@@ -76,6 +77,7 @@ class LabDraft:
         self.arena = self._passages_found()
         self.facts = self._facts()
         """Facts by their index in the file."""
+        self.topic_facts = self._topic_facts()
         self.finish = None if not self.spec.finish else self._finish(self.spec.finish)
         self.bodies = self._bodies()
         """Bodies that are not simulated, each with the index of its entry in the file."""
@@ -108,7 +110,9 @@ class LabDraft:
             quorum=spec.quorum,
             arena=self.arena,
             robots=tuple(robot for _, robot in self.robots),
-            facts=tuple(spec.facts),
+            facts=tuple(text for text in spec.facts if isinstance(text, str)),
+            fact_items=tuple(i for i, _ in self.facts),
+            topic_facts=tuple(self.topic_facts),
             radio=_radio_settings(spec.radio),
             localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
             bodies=tuple(body for _, body in self.bodies),
@@ -259,7 +263,7 @@ class LabDraft:
     def _facts(self) -> list[tuple[int, StatedFact]]:
         parsed: list[tuple[int, StatedFact]] = []
         wrong = {each.path for each in self.errors}
-        items = self._result.items("facts")
+        items = [(i, item) for i, item in self._result.items("facts") if isinstance(item, str)]
         split = _split_facts([text for _, text in items])
         if split:
             message = 'in [ ] a comma parts the items: put each fact in quotation marks, "..."'
@@ -271,6 +275,17 @@ class LabDraft:
                 parsed.append((i, parse_fact(text)))
             except TermError as error:
                 self.errors.append(self.error(("facts", i), str(error)))
+        return parsed
+
+    def _topic_facts(self) -> list[TopicFact]:
+        parsed = []
+        for i, item in self._result.items("facts"):
+            if isinstance(item, str):
+                continue
+            try:
+                parsed.append(TopicFact(item.topic, item.type, parse_topic_fact(item.fact), item.every, i))
+            except TermError as error:
+                self.errors.append(self.error(("facts", i, "fact"), str(error)))
         return parsed
 
     def _finish(self, text: str) -> FinishPattern | None:
@@ -318,7 +333,8 @@ def _ros2_body(spec: Ros2Spec, robot: int) -> Ros2Body:
         (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot))
         for name in (spec.odom, spec.cmd_vel, spec.pose)
     )
-    return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, Pose(*spec.origin))
+    origin = Pose(*spec.origin)
+    return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, origin, namespace)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

@@ -44,6 +44,28 @@ def facts_typed(lab: Lab, program: Program) -> Iterator[Finding]:
             yield lab.error(("facts", index), message)
 
 
+def topic_facts_typed(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Facts from topics are sensed ones of the program, with as many arguments, and constants of these types."""
+    for each in lab.topic_facts:
+        fact = each.fact
+        known = program.index(fact.name)
+        provided = PREDICATES.get(fact.name)
+        if known is None:
+            message = f"the program knows no fact '{fact.name}'{_near_fact(fact.name, program)}"
+        elif provided is not None and provided.sensed:
+            message = f"the robot senses '{fact.name}' itself: declare another one"
+        elif program.predicates[known].kind is not Kind.SENSED:
+            message = f"a fact from a topic is a sensed one: declare 'type sensor {fact.name}(robot, ...)'"
+        elif len(program.predicates[known].types) != len(fact.args):
+            message = _arity(fact.name, len(program.predicates[known].types) + 1, len(fact.args) + 1)
+        else:
+            types = enumerate(zip(program.predicates[known].types, fact.args, strict=True), start=2)
+            wrong = [(k, kind) for k, (kind, arg) in types if not isinstance(arg, Symbol) and not _fits(kind, arg)]
+            message = f"argument {wrong[0][0]} of '{fact.name}' should be {_type_name(wrong[0][1])}" if wrong else ""
+        if message:
+            yield lab.error(("facts", each.item, "fact"), message)
+
+
 def fact_areas_defined(lab: Lab, program: Program) -> Iterator[Finding]:
     """The lab defines each area that its facts name."""
     for index, fact in _numbered_facts(lab):
@@ -71,7 +93,7 @@ def finish_known(lab: Lab, program: Program) -> Iterator[Finding]:
         yield lab.error(("finish",), _arity(pattern.name, len(types) + 1, len(pattern.patterns) + 1))
 
 
-CHECKS = (areas_defined, queues_defined, facts_typed, fact_areas_defined, finish_known)
+CHECKS = (areas_defined, queues_defined, facts_typed, topic_facts_typed, fact_areas_defined, finish_known)
 """The rules of lab and program."""
 
 

@@ -41,6 +41,9 @@ def fact_owners_known(draft: LabDraft) -> Iterator[Finding]:
     for i, fact in draft.facts:
         if fact.owner is not None and draft.robot_is_unknown(fact.owner):
             yield draft.error(("facts", i), f"robot {fact.owner} is not in this lab")
+    for each in draft.topic_facts:
+        if each.fact.owner is not None and draft.robot_is_unknown(each.fact.owner):
+            yield draft.error(("facts", each.item, "fact"), f"robot {each.fact.owner} is not in this lab")
 
 
 def finish_area_fits(draft: LabDraft) -> Iterator[Finding]:

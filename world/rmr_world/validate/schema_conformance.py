@@ -19,6 +19,7 @@ from rmr_world.schema import (
     HOST_ADDRESS,
     HOST_NAME,
     LAB_NAME,
+    MESSAGE,
     NAME,
     NAMESPACE,
     PYTHON_FILE,
@@ -46,6 +47,7 @@ _SPELT: Mapping[str, str] = {
     NAMESPACE: "should be a namespace of ROS 2 such as /robot_{id}: a / before each name of letters, digits and _",
     HOST_NAME: "should be small letters, digits and -, neither first nor last a -",
     HOST_ADDRESS: "should be the name or the IP address of a host, without protocol and port",
+    MESSAGE: "should be a type of messages such as sensor_msgs/BatteryState",
     TOPIC: "should be a topic of ROS 2 such as odom or /robot_{id}/odom: names of letters, digits and _",
 }
 """Patterns of the schema, and the words for each in an error message."""
@@ -108,7 +110,7 @@ def _of_schema(document: Document, schema: dict[str, Any], errors: list[ErrorDet
 
 def _finding(document: Document, schema: dict[str, Any], error: ErrorDetails) -> Finding:
     """Return an error of pydantic in this project's words."""
-    path: FilePath = tuple(part for part in error["loc"] if part != "[key]")
+    path: FilePath = tuple(part for part in error["loc"] if part not in ("[key]", "(text)", "(topic)"))
     kind = error["type"]
     message = error["msg"]
     if kind == "extra_forbidden":
