@@ -37,7 +37,7 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
         "facts": [*map(_fact, lab.initial_facts), *map(_topic_fact, lab.topic_facts)],
         "radio": {"seed": lab.radio.seed, "security": lab.radio.security, **asdict(lab.radio.config)},
         "bus": {"security": "mtls" if lab.mtls else "secret"},
-        "bodies": [{**asdict(body), "origin": list(body.origin)} for body in lab.bodies],
+        "bodies": [{**asdict(body), "origin": list(body.origin), "scan_at": list(body.scan_at)} for body in lab.bodies],
         "hosts": {host.name: _host(host) for host in lab.hosts},
         "localisation": asdict(lab.localisation),
         "disturbances": [_always(one, lab) for one in lab.disturbances if one.until >= NEVER],

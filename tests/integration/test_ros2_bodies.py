@@ -182,3 +182,25 @@ def test_a_robot_stops_by_the_word_of_the_bridge_and_by_itself_where_that_is_kil
         launcher.wait(60)
     assert truth["stopped"]["4"]
     assert truth["poses"]["4"][0] < 1.55, "it was on its way"
+
+
+def test_a_robot_with_a_lidar_drives_around_what_no_map_shows_and_no_radio_tells(tmp_path, robots):
+    fleet = robots(EXAMPLES / "scan.yaml", "--stranger", "1.3:0.8")
+    code, report, said = up(EXAMPLES / "scan.yaml", tmp_path)
+    truth = fleet.end()
+    assert code == 0, said
+    assert truth["contacts"] == []
+    x, y, _ = truth["poses"]["4"]
+    assert abs(x - 2.1) < 0.08
+    assert abs(y - 0.8) < 0.08
+    assert report["ros2"]["4"]["scans"] > 5 * report["time_s"]
+
+
+def test_without_the_lidar_it_drives_into_it(tmp_path, robots):
+    """What the test above shows is not the floor's doing."""
+    text = (EXAMPLES / "scan.yaml").read_text()
+    (tmp_path / "blind.yaml").write_text(text.replace(", scan: scan", ""))
+    (tmp_path / "metre.rmr").write_text((EXAMPLES / "metre.rmr").read_text())
+    fleet = robots(tmp_path / "blind.yaml", "--stranger", "1.3:0.8")
+    up(tmp_path / "blind.yaml", tmp_path, "--timeout", "40")
+    assert ["robot 4", "stranger0"] in [sorted(pair) for _, *pair in fleet.end()["contacts"]]

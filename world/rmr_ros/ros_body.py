@@ -22,6 +22,7 @@ from rmr.base.time import NS_PER_S, Duration, Instant, milliseconds, seconds
 from rmr.node.motion.ekf import TRACK_M
 from rmr.node.motion.localiser import FASTEST, GYRO_NOISE, WAY_NOISE_M, Localiser
 from rmr.node.ports import PoseFix, SeenBody, Sensed
+from rmr_ros.scan_bodies import ScanBodies
 
 ODOMETRY_AGE_MAX: Final[Duration] = milliseconds(300)
 """Age of the newest odometry beyond which a robot gets no samples: its driver hangs, and it stands."""
@@ -49,6 +50,14 @@ class BodyTopics(Protocol):
     @property
     def pose(self) -> str:
         """The topic of its poses."""
+
+    @property
+    def scan(self) -> str:
+        """The topic of its laser scans; empty: they are not read."""
+
+    @property
+    def scan_at(self) -> Pose:
+        """Pose of the lidar on the robot."""
 
     @property
     def sigma_m(self) -> float:
@@ -99,10 +108,12 @@ class RosBody:
         self.spec = spec
         self._arena = arena
         self._localiser = Localiser(arena)
+        self._seen = ScanBodies(arena)
         self._history: deque[tuple[Instant, Pose]] = deque()
         """Odometry by its stamp, the oldest first."""
         self._left_m = self._right_m = 0.0
         self._rate = 0.0
+        self._scanned_at: Instant | None = None
         self._heard_at: Instant | None = None
         """When the newest odometry arrived, in nanoseconds of the bridge's clock."""
         self._fix: tuple[Pose, Pose, float, float] | None = None
@@ -115,7 +126,7 @@ class RosBody:
         """What the wheels do by odometry."""
         self.stamp: Instant = -COMMAND_AGE_MAX
         """Of the last command."""
-        self.counts = dict.fromkeys(("odometry", "poses", "commands", "refused", "jumps", "dropped"), 0)
+        self.counts = dict.fromkeys(("odometry", "poses", "scans", "commands", "refused", "jumps", "dropped"), 0)
         self.trouble = ""
         """Why its newest odometry or pose was refused; empty when it was not."""
 
@@ -205,6 +216,19 @@ class RosBody:
         self.counts["poses"] += 1
         self.trouble = ""
 
+    def scan(self, arrived: Instant, stamp: Instant, angle: float, step: float, ranges: Sequence[float]) -> None:
+        """Take in a scan of the instant `stamp` (0: of now): its first angle, the step between rays, their ways."""
+        if not (math.isfinite(angle) and math.isfinite(step)):
+            self._refuse("a scan holds an angle that is none (NaN or infinite)")
+            return
+        self._scanned_at = arrived
+        self.counts["scans"] += 1
+        if not self.located or not self._history:
+            return  # it does not know what of it is a wall
+        newest = self._history[-1]
+        robot = onward(self.pose, newest[1], self._odometry_at(stamp or newest[0]))
+        self._seen.scan(arrived, onward(robot, Pose(0.0, 0.0, 0.0), self.spec.scan_at), angle, step, ranges)
+
     def _odometry_at(self, stamp: Instant) -> Pose:
         """Return where odometry had the robot at `stamp`, between two messages on the straight line."""
         history = self._history
@@ -225,6 +249,10 @@ class RosBody:
         """Return whether there is odometry, and the newest one is not old."""
         return self._heard_at is not None and clock - self._heard_at <= ODOMETRY_AGE_MAX
 
+    def sees(self, clock: Instant) -> bool:
+        """Return whether its newest scan is not old, if it is to have any."""
+        return not self.spec.scan or (self._scanned_at is not None and clock - self._scanned_at <= NS_PER_S)
+
     def step(self, now: Instant, clock: Instant) -> None:
         """Bring the estimate up to lab time `now`."""
         if not self.heard(clock):
@@ -236,10 +264,14 @@ class RosBody:
             self.pose = self._localiser.pose
 
     def sense(self, now: Instant, clock: Instant, bodies: tuple[SeenBody, ...]) -> Sensed | None:
-        """Return a sample for the mind, with the other robots in view; None while there is no odometry."""
+        """Return a sample for the mind, with the robots in view, and what its scans show beside these.
+
+        None while there is no odometry.
+        """
         if not self.heard(clock):
             return None
-        sample = self._sample(now, self._fix, bodies)
+        others = self._seen.in_view(clock, self.pose, bodies) if self.spec.scan and self.located else ()
+        sample = self._sample(now, self._fix, bodies + others)
         self._fix = None
         return sample
 

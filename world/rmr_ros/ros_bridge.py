@@ -10,6 +10,7 @@ Types and qualities of service are taken as the graph has them: a robot that wan
 import asyncio
 import contextlib
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -25,6 +26,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import LaserScan
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Pose, Twist
@@ -164,6 +166,7 @@ class RosBridge:
         for topic, known, take in (
             (spec.odom, {"nav_msgs/msg/Odometry": Odometry}, self._odometry),
             (spec.pose, POSES, self._pose),
+            *([(spec.scan, {"sensor_msgs/msg/LaserScan": LaserScan}, self._scan)] if spec.scan else []),
         ):
             infos = node.get_publishers_info_by_topic(topic)
             wrong = _wrong(topic, infos, known, "publishes", self._alike(known))
@@ -218,6 +221,10 @@ class RosBridge:
         at = Pose(pose.position.x, pose.position.y, float("nan") if theta is None else theta)
         link.body.measured(_instant(message), at, sigma_m, sigma_rad)
 
+    def _scan(self, link: _Link, arrived: Instant, message: Any) -> None:
+        ranges = [one if message.range_min <= one <= message.range_max else math.inf for one in message.ranges]
+        link.body.scan(arrived, _instant(message), message.angle_min, message.angle_increment, ranges)
+
     def step(self, now: Instant) -> None:
         """Take in what has arrived, and bring the estimates up to lab time `now`."""
         clock = time.monotonic_ns()
@@ -233,6 +240,7 @@ class RosBridge:
         body = link.body
         why = "" if body.heard(clock) else f"nothing comes on {link.spec.odom}: it stands"
         why = why or ("" if body.located else body.trouble or f"no pose on {link.spec.pose} agrees: it stands")
+        why = why or ("" if body.sees(clock) else f"nothing comes on {link.spec.scan}: it sees robots of the lab alone")
         if why == link.said or not self._begun:
             return
         link.said = why

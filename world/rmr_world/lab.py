@@ -76,6 +76,10 @@ class Ros2Body:
     """Pose of the floor's lower left corner in the frame of the poses."""
     namespace: str = ""
     """In which the topics of its facts are."""
+    scan: str = ""
+    """The topic of its laser scans; empty: they are not read."""
+    scan_at: Pose = _NO_OFFSET
+    """Pose of the lidar on the robot."""
 
 
 @record

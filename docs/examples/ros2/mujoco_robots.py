@@ -30,6 +30,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import LaserScan
 
 from rmr.base.arena import Arena, Disc
 from rmr.base.ids import listed
@@ -39,6 +40,9 @@ from rmr_world.lab_file import load_lab
 STEP_S = 0.005
 ODOMETRY_S = 0.02
 POSE_S = 0.2
+SCAN_S = 0.1
+RAYS = 180
+RANGE_M = 3.5
 WHEEL_M = 0.033
 HEIGHT_M = 0.06
 GRIP = 0.9
@@ -47,8 +51,10 @@ PUSH = 2.5
 """Greatest acceleration of the drive, m/s^2."""
 
 
-def model_of(arena: Arena, starts: dict[int, tuple[float, float, float]]) -> mujoco.MjModel:
-    """Return the floor, walls and obstacles, and a differential drive at each start."""
+def model_of(
+    arena: Arena, starts: dict[int, tuple[float, float, float]], strangers: list[tuple[float, ...]]
+) -> mujoco.MjModel:
+    """Return the floor, walls and obstacles, a differential drive at each start, and what no map shows."""
     track = 1.5 * arena.shape.radius
     width, height = arena.width, arena.height
     walls = [(width / 2, -0.05, width / 2 + 0.1, 0.05), (width / 2, height + 0.05, width / 2 + 0.1, 0.05)]
@@ -63,6 +69,10 @@ def model_of(arena: Arena, starts: dict[int, tuple[float, float, float]]) -> muj
             fixed.append(f'<geom name="wall{k + 4}" type="cylinder" pos="{x} {y} 0.1" size="{each.radius} 0.1"/>')
         else:  # a convex polygon is the hull of its corners below and above
             fixed.append(f'<geom name="wall{k + 4}" type="mesh" mesh="hull{k}"/>')
+    fixed += [
+        f'<geom name="stranger{k}" type="cylinder" pos="{x} {y} 0.1" size="{arena.shape.radius} 0.1"/>'
+        for k, (x, y) in enumerate(strangers)
+    ]
     meshes = [
         f'<mesh name="hull{k}" vertex="{" ".join(f"{x} {y} {z}" for z in (0.0, 0.2) for x, y in each.corners)}"/>'
         for k, each in enumerate(arena.obstacles)
@@ -118,6 +128,8 @@ class Drive:
         """When it was told to stop, or stopped by itself, each time."""
         self.odometry = node.create_publisher(Odometry, body.odom, qos_profile_sensor_data)
         self.poses = node.create_publisher(PoseWithCovarianceStamped, body.pose, 10)
+        self.scans = node.create_publisher(LaserScan, body.scan, qos_profile_sensor_data) if body.scan else None
+        self.own = model.body(f"robot{body.robot}").id
         kind = TwistStamped if fleet.options.stamped else TwistMessage
         node.create_subscription(
             kind, body.cmd_vel, lambda m: fleet.post(lambda: self.take(m)), qos_profile_sensor_data
@@ -199,6 +211,28 @@ class Drive:
         message.pose.covariance = covariance
         self.fleet.post(lambda: self.poses.publish(message))
 
+    def say_scan(self) -> None:
+        """Publish how far the rays of a lidar in its middle go, with 1 cm of noise."""
+        scans = self.scans
+        if scans is None:
+            return
+        x, y, theta = self.true
+        step = math.tau / RAYS
+        angles = theta - math.pi + step * np.arange(RAYS)
+        ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(RAYS))).flatten()
+        met = np.full(RAYS, -1, dtype=np.int32)
+        far = np.zeros(RAYS)
+        at = np.array([x, y, 0.075])  # above its wheels, which are bodies of their own, and below the rim of its hull
+        model, data = self.fleet.model, self.fleet.data
+        mujoco.mj_multiRay(model, data, at, ways, None, True, self.own, met, far, None, RAYS, RANGE_M)
+        message = LaserScan(angle_min=-math.pi, angle_max=math.pi - step, angle_increment=step, scan_time=SCAN_S)
+        message.header.stamp = self.fleet.node.get_clock().now().to_msg()
+        message.header.frame_id = "base_scan"
+        message.range_min = self.fleet.arena.shape.radius
+        message.range_max = RANGE_M
+        message.ranges = np.where(met < 0, math.inf, far + self.fleet.noise.normal(0.0, 0.01, RAYS)).tolist()
+        self.fleet.post(lambda: scans.publish(message))
+
 
 def set_pose(pose: Any, x: float, y: float, theta: float) -> None:
     """Write a pose on the floor into a message."""
@@ -214,12 +248,13 @@ class Fleet:
         self.arena = lab.arena
         self.track = 1.5 * lab.arena.shape.radius
         self.chance = random.Random(options.seed)
+        self.noise = np.random.default_rng(options.seed)
         self.now = 0.0
         self.late: list[tuple[float, int, Callable[[], None]]] = []
         self.posted = 0
         self.node = Node("mujoco_robots", start_parameter_services=False, enable_rosout=False)
         starts = {each.id: tuple(each.pose) for each in lab.robots}
-        self.model = model_of(lab.arena, {body.robot: starts[body.robot] for body in bodies})
+        self.model = model_of(lab.arena, {body.robot: starts[body.robot] for body in bodies}, options.stranger)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
         self.hulls = {self.model.geom(f"hull{body.robot}").id: body.robot for body in bodies}
@@ -254,6 +289,8 @@ class Fleet:
                 drive.say_odometry()
             if (ticks + 7 * k) % round(POSE_S / STEP_S) == 0:
                 drive.say_pose()
+            if (ticks + 3 * k) % round(SCAN_S / STEP_S) == 0:
+                drive.say_scan()
 
     def drive_of(self, robot: float) -> Drive:
         """Return the drive of a robot."""
@@ -309,6 +346,7 @@ def main() -> None:
     more = {"action": "append", "default": []}
     parser.add_argument("--lose", type=numbers(3), help="ROBOT:FROM:TO: no poses, in seconds since it set out", **more)
     parser.add_argument("--kidnap", type=numbers(5), help="ROBOT:AT:X:Y:THETA: put it there, likewise", **more)
+    parser.add_argument("--stranger", type=numbers(2), help="X:Y: something as wide as a robot stands there", **more)
     parser.add_argument("--stamped", action="store_true", help="take TwistStamped in place of Twist")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()

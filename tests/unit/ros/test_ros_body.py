@@ -9,6 +9,7 @@ import pytest
 from rmr.base.arena import Arena, RobotShape
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, milliseconds, tick_start
+from rmr.node.ports import SeenBody
 from rmr_ros.ros_body import RosBody, deviations, heading, onward
 from rmr_world.lab import Ros2Body
 
@@ -96,6 +97,33 @@ def test_a_sample_has_the_ways_of_the_wheels_the_turn_rate_and_each_fix_once():
     assert sample.gyro == 0.4
     assert (sample.fix.sigma_m, sample.fix.sigma_rad) == (0.02, 0.03)
     assert robot.body.sense(tick_start(12), tick_start(12), ()).fix is None
+
+
+def test_what_a_scan_shows_stands_beside_the_robots_that_are_known():
+    robot = Driven()
+    spec = Ros2Body(4, "/odom", "/cmd_vel", "/pose", scan="/scan", scan_at=Pose(-0.03, 0.0, math.pi))
+    robot.body = RosBody(spec, ARENA, Pose(1.0, 1.0, 0.0))
+    known = SeenBody(0.1, -0.2, 0.0, 0.0)
+    ahead = [0.25 if abs(k) <= 10 else math.inf for k in range(-90, 90)]  # 0.22 m before its middle, behind the lidar
+
+    def view(ticks, *bodies):
+        sample = robot.body.sense(tick_start(ticks), tick_start(ticks), bodies)
+        return sample.bodies
+
+    robot.body.scan(0, robot.stamp(0), 0.0, math.radians(2), ahead)
+    assert robot.body.counts["scans"] == 1  # without a pose nobody knows what of it is a wall
+    robot.run(60 * 6)
+    k = robot.ticks
+    assert view(k, known) == (known,)
+    robot.body.scan(tick_start(k), robot.stamp(k - 3), math.pi - math.radians(180), math.radians(2), ahead)
+    first, other = view(k, known)
+    assert first == known
+    assert (other.x, other.y) == pytest.approx((0.32, 0.0), abs=0.04)
+    assert view(k, SeenBody(0.33, 0.02, 0.1, 0.0)) == (SeenBody(0.33, 0.02, 0.1, 0.0),)
+    assert robot.body.sees(tick_start(k))
+    assert not robot.body.sees(tick_start(k + 61))
+    robot.body.scan(tick_start(k), robot.stamp(k), math.nan, math.radians(2), ahead)
+    assert "a scan holds an angle that is none" in robot.body.trouble
 
 
 def test_without_odometry_for_a_while_there_are_no_samples():

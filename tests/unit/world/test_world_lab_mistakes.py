@@ -61,6 +61,8 @@ MISTAKES = [
     ("bodies: [{ros2: {namespace: /a, odm: x}}]", "6:33: bodies.0.ros2.odm: unknown key; did you mean 'odom'?"),
     ("bodies: [{ros2: {namespace: /a, sigma: 0}}]", "6:40: bodies.0.ros2.sigma: should be greater than 0"),
     ("bodies: [{ros2: {namespace: /a, pose: odom}}]", "6:10: bodies.0: robot 1 has the topic /a/odom twice"),
+    ("bodies: [{ros2: {namespace: /a, scan: odom}}]", "6:10: bodies.0: robot 1 has the topic /a/odom twice"),
+    ("bodies: [{ros2: {namespace: /a, scan_at: [0, 0]}}]", "6:42: bodies.0.ros2.scan_at.2: is missing"),
     ("bodies: [{robots: 4, ros2: {namespace: /a}}]", "6:19: bodies.0.robots: robot 4 is not in this lab"),
     (
         "bodies: [{ros2: {namespace: /a}}, {robots: 1, ros2: {namespace: /b}}]",

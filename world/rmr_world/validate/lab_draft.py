@@ -329,12 +329,12 @@ def _radio_settings(spec: RadioSpec) -> RadioSettings:
 
 def _ros2_body(spec: Ros2Spec, robot: int) -> Ros2Body:
     namespace = spec.namespace.rstrip("/")
-    odom, cmd_vel, pose = (
-        (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot))
-        for name in (spec.odom, spec.cmd_vel, spec.pose)
+    odom, cmd_vel, pose, scan = (
+        (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot)) if name else ""
+        for name in (spec.odom, spec.cmd_vel, spec.pose, spec.scan)
     )
-    origin = Pose(*spec.origin)
-    return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, origin, namespace)
+    places = Pose(*spec.origin), namespace, scan, Pose(*spec.scan_at)
+    return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, *places)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

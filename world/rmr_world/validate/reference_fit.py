@@ -107,13 +107,14 @@ def bodies_fit(draft: LabDraft) -> Iterator[Finding]:
             yield draft.error(("bodies", i), f"robot {body.robot} has a body already")
             continue
         seen.add(body.robot)
-        for topic in (body.odom, body.cmd_vel, body.pose):
+        topics = [topic for topic in (body.odom, body.cmd_vel, body.pose, body.scan) if topic]
+        for topic in topics:
             other = owners.setdefault(topic, body.robot)
             if other != body.robot:
                 message = f"robots {other} and {body.robot} have the same topic {topic}: put {{id}} into the namespace"
                 yield draft.error(("bodies", i), message)
                 break
-            if [body.odom, body.cmd_vel, body.pose].count(topic) > 1:
+            if topics.count(topic) > 1:
                 yield draft.error(("bodies", i), f"robot {body.robot} has the topic {topic} twice")
                 break
 
