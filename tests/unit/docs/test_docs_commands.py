@@ -10,17 +10,11 @@ from doc_pages import ROOT, codes, page, table
 
 from rmr.commands.subcommands import command
 from rmr.entry import JSON_VERSION
-from rmr_deploy.doctor import checks
 
 PAGE = page("commands")
 
 
 @pytest.mark.real  # it tries a port
-def test_the_page_names_all_that_doctor_looks_for():
-    rows = table(PAGE, "`rmr doctor`", "looks for", "wanted by")
-    assert [codes(row[0])[0] for row in rows] == [each.name for each in checks()]
-
-
 def sources():
     """Yield the syntax tree of each module of the distribution, and the hook that builds it."""
     for folder in ("rmr", "agents", "world", "deploy"):
