@@ -27,12 +27,9 @@ def test_the_fields_of_a_frame_are_documented():
     assert set(frames.properties) <= set(codes(section(PAGE, "Channels")))
 
 
-def test_commands_and_their_options_are_documented_and_no_others():
+def test_the_commands_are_documented_and_no_others():
     text = section(PAGE, "Runs of processes")
     assert [codes(row[0])[0].split()[2] for row in table(text, "command", "does")] == list(command.commands)
-    offered = {name for each in command.commands.values() for name in each.load().parser("x").names}
-    documented = {code.split()[0] for row in table(text, "option", "of", "does") for code in codes(row[0])}
-    assert documented == {name for name in offered if name.startswith("-")} | {"--version"}
 
 
 def test_metadata_and_attachments_of_a_run_are_documented_and_the_example_reads_it(tmp_path):
