@@ -3,7 +3,7 @@
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.messages import Entry, Job, Phase, on_grid
 from rmr.coord.schedule import Task
-from rmr.coord.timing import MS, ScheduleTiming
+from rmr.coord.timing import EXCLUSIVE, MS, ScheduleTiming
 
 
 class Booking:
@@ -90,7 +90,8 @@ class Booking:
         changed = self.provisional or new != old
         self.provisional = False
         # A frame tells a release that is past as one of now: it is a repeat, and the robot is as far away as it was.
-        if job.release > job.time and job.release != self.release:
+        # What is no passage is not approached: there the release is when the robot will have done what comes before.
+        if job.release > job.time and job.release != self.release and job.direction != EXCLUSIVE:
             self.approach = job.release - job.time
         _, self.duration, self.deadline, self.headway, self.direction, self.underway = new
         self.release = job.release

@@ -63,7 +63,8 @@ class Acting:
             if fails:
                 raise ActionFailed(f"--fail {fails[0].wanted.text}")
 
-        return Handler(name, perform)
+        known = name != WAIT or name in self._times  # else its argument says
+        return Handler(name, perform, takes=self._times.get(name, self._usual) if known else None)
 
     async def _pass_time(self, robot: RobotHandle, name: str, args: tuple[Value, ...]) -> None:
         if name == WAIT and name not in self._times and len(args) == 1 and isinstance(args[0], float):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from rmr.analysis.servers import with_serving
 from rmr.base.record import record
 from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import Debug, Place, Program
@@ -12,7 +13,6 @@ from rmr.lang.checker import Checked, check
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.lower.emitter import Emitter
 from rmr.lang.lower.goal_paths import with_leads
-from rmr.lang.lower.servers import with_serving
 from rmr.lang.read.include import Editing, Loader, short_name
 from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, GoalItem, ModuleNode

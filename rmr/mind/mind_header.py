@@ -78,7 +78,15 @@ def encode_header(
             "neighbors": neighbors,
             "witnessed": witnessed,
             "actions": [
-                [name, handler.effect, handler.wheels, handler.takes_over, handler.at_once, handler.to_area]
+                [
+                    name,
+                    handler.effect,
+                    handler.wheels,
+                    handler.takes_over,
+                    handler.at_once,
+                    handler.to_area,
+                    handler.takes,
+                ]
                 for name, handler in sorted(handlers.items())
             ],
             "versions": versions(),

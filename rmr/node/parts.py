@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.config import NodeConfig
@@ -105,6 +105,9 @@ class CrossingHost(DrivingHost, Protocol):
 
     def drives_to_area(self, action: int) -> bool:
         """Return whether an action drives to the area that it names: it may be gated."""
+
+    def expected(self, action: int) -> Duration:
+        """Return how long an action takes, as far as is known before it has been done."""
 
     def tell(self, event: object) -> None:
         """Report `event` to the checkers of the run."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point, Pose, distance
-from rmr.base.time import Instant
+from rmr.base.time import Duration, Instant
 from rmr.base.values import Value
 from rmr.bytecode.provided import PREDICATES
 from rmr.node import payloads
@@ -133,6 +133,11 @@ class RobotServices:
     def drives_to_area(self, action: int) -> bool:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
+
+    def expected(self, action: int) -> Duration:
+        """Return how long an action takes, as far as is known before it has been done."""
+        takes = self.handler(self.program.predicates[action].name).takes
+        return self.config.turn if takes is None else takes
 
     def needs_no_queue(self, since: Instant) -> bool:
         """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""

@@ -17,6 +17,7 @@ instant at which F was inserted there. A report after the deadline does not undo
 from collections.abc import Iterator, Sequence
 from heapq import heapify, heappop, heappush
 
+from rmr.analysis.servers import EarlierStep, steps_of
 from rmr.base.time import NEVER, NS_PER_S, Instant
 from rmr.base.values import Robot, format_value
 from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
@@ -277,6 +278,17 @@ class Assertions:
         """Return whether a queue entry is the valid one of a job that is neither finished nor missed."""
         _, serial, number, _ = entry
         return self._undecided.get(serial) == number
+
+
+def earlier_steps(program: Program, job: TimedJob) -> tuple[EarlierStep, ...]:
+    """Return the steps of `job` with turns of their own, before the actions that serve it; the first ones first."""
+    return steps_of(program)[job.assertion] if job.assertion >= 0 else ()
+
+
+def step_event(program: Program, job: TimedJob, step: EarlierStep) -> str:
+    """Return for what robots contend in a step: the action with those arguments that the job determines."""
+    args = [pattern_text(instantiate(pattern, job.bindings)) for pattern in step.args]
+    return f"{program.predicates[step.action].name}({', '.join(args)})"
 
 
 def pattern_text(pattern: Pattern) -> str:

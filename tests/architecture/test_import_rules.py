@@ -24,7 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.coord": {"rmr.base"},
     "rmr.radio": {"rmr.base"},
     "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
-    "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
+    "rmr.node": {"rmr.analysis", "rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
     "rmr.load": {"rmr.analysis", "rmr.base", "rmr.bytecode", "rmr.node"},
     "rmr.mind": {"rmr.base", "rmr.bytecode", "rmr.coord", "rmr.node", "rmr.radio", "rmr.record", "rmr.vm"},
     "rmr.why": {

@@ -26,6 +26,7 @@ from rmr.lang.read.syntax import (
     Condition,
     Conjunct,
     ConstantItem,
+    Declared,
     Expression,
     FactItem,
     FactNode,
@@ -78,8 +79,10 @@ class _Lint:
         """Variables with one occurrence in their rule or time assertion."""
         for item in module.items:
             self._look_at(item)
+        steps = [item for item in module.items if isinstance(item, TypeDeclaration) and item.kind is Declared.ACTION]
         self._events = {
-            (item.name or item.finish.name).text for item in module.items if isinstance(item, AssertionItem)
+            *[(item.name or item.finish.name).text for item in module.items if isinstance(item, AssertionItem)],
+            *[item.name.text for item in steps if item.effects and item.name.text not in provided.ACTIONS],
         }
 
     def _look_at(self, item: Item) -> None:

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rmr.analysis.backward_chaining import term_of
+from rmr.analysis.servers import EarlierStep, EarlierSteps, Passed, Served, Servers, assertion_term
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Assertion, Constant, DeriveAction, Derived, Kind, Pattern, Program, Serving
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts
-from rmr.lang.lower.servers import Passed, Served, Servers, assertion_term
 from rmr.lang.lower.time_assertions import Watched
 from rmr.lang.read.syntax import Expression, Literal
 
@@ -69,6 +69,8 @@ class ExplainedAssertion:
     event: str | None
     """The event (shared resource) of its jobs; None if it is only watched."""
     serving: tuple[ServingAction, ...]
+    steps: tuple[str, ...]
+    """Actions before the serving ones for which robots take turns, too, the first ones first."""
     origins: tuple[Origin, ...]
     """Without a serving action: the facts that lead to the finish fact, the finish fact first."""
     cut: bool
@@ -109,6 +111,9 @@ class AssertionExplainer:
             scheduled=assertion.scheduled,
             event=_event(assertion.name, args) if serving else None,
             serving=tuple(self._serving(serving, labels)),
+            steps=tuple([labels.action(step) for step in EarlierSteps(self._servers, self._program, assertion).found()])
+            if serving
+            else (),
             origins=tuple([self._origin(each, labels) for each in unserved[:20]]),
             cut=walk.cut,
         )
@@ -155,7 +160,7 @@ class _Labels:
         owner = self.owner if passed.towards is None else self.home
         return self._term(passed.predicate, owner, (assertion_term(arg) for arg in passed.args))
 
-    def action(self, serving: Serving) -> str:
+    def action(self, serving: Serving | EarlierStep) -> str:
         return self._term(serving.action, self.home, serving.args)
 
     def _term(self, predicate: int, owner: str, args: Iterable[Pattern]) -> str:

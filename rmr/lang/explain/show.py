@@ -139,6 +139,8 @@ class _Shown:
             yield _entry("turns", "none, it is only watched: no declared effect of an action leads to the finish fact")
         for serving in assertion.serving:
             yield from self._serving(serving)
+        for step in assertion.steps:
+            yield _entry("step", f"{step}: before that, with turns of its own")
         if assertion.scheduled:
             for origin in assertion.origins:
                 yield _entry("", f"{origin.fact}: {self._origin(origin)}")

@@ -17,7 +17,7 @@ from typing import Any, Final, Protocol
 
 from rmr.base.mistake import frames, is_ctrl_c, place_in, words
 from rmr.base.printable import one_line
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
@@ -54,14 +54,14 @@ class Handler:
     """Called with the robot's handle and the action's arguments without the executor."""
     effect: str | None = None
     """The predicate inserted, with the same arguments, when the program declares no effect."""
-    wheels: bool = False
-    """Whether it uses the wheels."""
+    wheels: bool = False  # whether it uses them
     takes_over: bool = False
     """Whether a later one takes the wheels from an earlier one of the same name, which then fails."""
     at_once: bool = False
     """Whether it interrupts what the wheels do instead of waiting (`stop`)."""
     to_area: bool = False
     """Whether it drives to the area that it names (`moveto`): its turn may then be a passage of the bottleneck."""
+    takes: Duration | None = None  # how long, where that is known beforehand
 
 
 _registered: dict[str, Handler] = {}

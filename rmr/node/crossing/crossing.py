@@ -99,6 +99,14 @@ class Crossing:
     """Whether the resource is a station, the goal: held until the robot has left it."""
     capacity: int = 1
     """How many robots may be in the resource at a time."""
+    of_step: str = ""
+    """What robots contend for in an earlier step of the job; empty: the job's event, or another resource."""
+    steps_later: int = 0
+    """How many steps with turns follow in the job."""
+    takes: Duration = 0
+    """How long its action takes, as far as is known; 0: the job has no earlier steps, and nobody asks."""
+    ready_from: Instant = 0
+    """When the steps before will be over, as far as is known."""
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -128,7 +136,12 @@ class Crossing:
     @property
     def told(self) -> str:
         """What the robot contends for, as the trace tells it: a passage, a station or an event."""
-        return self.passage or self.job.event
+        return self.passage or self.of_step or self.job.event
+
+    @property
+    def name(self) -> str:
+        """What the facts `turn` and `leads` call it."""
+        return self.passage or self.of_step.partition("(")[0] or self.job.name
 
     @property
     def deadline(self) -> Instant:
@@ -264,6 +277,37 @@ class Crossing:
             self.plan = replace(plan, gated=True, passage=plan.passage or self.plan.passage)
         return self.renew(now, self.job, self.goal) if passes else []
 
+    def foresee(self, now: Instant, ready_from: Instant, later: Duration) -> list[Command]:
+        """Take over when the steps before will be over, and how long those after it take: the leader hears of it."""
+        old = self.deadline
+        self.ready_from, self.later = ready_from, later
+        if not isinstance(self.phase, (Asking, Slotted)):
+            return []
+        release = max(now + self.plan.approach, ready_from)
+        earlier = self.release - release
+        # A robot that waits for nothing but its slot tells no later release: it is as near as it was.
+        changed = earlier > REVISE_FROM or (ready_from > now and -earlier > REVISE_FROM)
+        if not changed and self.deadline == old:
+            return []
+        self.release = release
+        return [Revise(release, self.deadline)]
+
+    def ends(self, now: Instant) -> Instant:
+        """Return when the action that serves the job in this step will be over, as far as is known."""
+        plan = self.plan
+        if isinstance(self.phase, Inside):
+            end = self.entered_at + plan.inside
+            while end < now:  # it takes longer than it was thought to: a guess that seldom changes
+                end += milliseconds(200) + (end - self.entered_at) // 4
+            return end + plan.after
+        start = self.phase.start if isinstance(self.phase, Slotted) else max(now + plan.approach, self.ready_from)
+        return start + self.length
+
+    @property
+    def length(self) -> Duration:
+        """How long the step takes once it has begun, as far as is known."""
+        return self.takes if isinstance(self.phase, Preparing) else self.plan.inside + self.plan.after
+
     def polled(self, now: Instant) -> None:
         """Note that a request cannot be made yet."""
         if isinstance(self.phase, Preparing):
@@ -321,7 +365,7 @@ class Crossing:
             return []
         self._enter(OwnEvent.REQUESTED, Asking(now))
         plan = self.plan
-        self.release = max(self.release, now + plan.approach)
+        self.release = max(self.release, now + plan.approach, self.ready_from)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
         fields = {name: in_seconds(time) for name, time in times.items()}
         return [TraceEntry("asks", {"event": self.told, **fields, "way": plan.direction}), self._job_request()]

@@ -37,9 +37,9 @@ class CrossingTable:
     def _id(self, name: str) -> bytes:
         return stable_hash(f"{self._digest}/{name}", 6).to_bytes(6, "big")
 
-    def event_id(self, job: TimedJob) -> bytes:
-        """Return the name of the group of `job`: program, assertion and finish arguments."""
-        return self._id(f"{job.assertion}/{job.event}")
+    def event_id(self, job: TimedJob, step: str = "") -> bytes:
+        """Return the name of the group of `job`, or of a `step` of it: program, assertion and finish arguments."""
+        return self._id(f"{job.assertion}/{step or job.event}")
 
     def station_id(self, area: str) -> bytes:
         """Return the name of the group of those that drive into a station, whatever their events."""

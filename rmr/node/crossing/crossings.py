@@ -8,6 +8,7 @@ kept by group: a robot may have one for each of any number of resources.
 
 from collections.abc import Iterable, Sequence
 
+from rmr.analysis.servers import EarlierStep
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Duration, Instant
@@ -44,9 +45,11 @@ from rmr.node.crossing.situation import (
 )
 from rmr.node.crossing.station_area import contains
 from rmr.node.parts import CrossingHost
+from rmr.vm.assertions import earlier_steps, step_event
 from rmr.vm.derive import Chain
 from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived
+from rmr.vm.match import pattern_agrees
 
 
 class Crossings:
@@ -69,6 +72,10 @@ class Crossings:
         """The newest schedule of each group."""
         self.next_wake: Instant = NEVER
         """When `step` has something to do even if nothing happens; at most once a frame."""
+        self._took: dict[str, Duration] = {}
+        """By name of an action that is a step of several: how long it took the last time."""
+        self._chains = False
+        """Whether any job has had several steps with turns."""
 
     # -- jobs -----------------------------------------------------------------------------------------------
 
@@ -78,10 +85,15 @@ class Crossings:
         if self._is_alone or not assertion.scheduled or not assertion.serving:
             return
         goal = self._goal_of(job)
+        asking = [self._contend(now, job, None, step) for step in earlier_steps(self._robot.program, job)]
         if goal is not None and self._is_station(goal):
             self._hold_station(now, job, goal)
         elif goal is not None or not self._may_lead_to_station(job):
-            self._contend(now, job, goal)
+            asking.append(self._contend(now, job, goal))
+        if len(asking) > 1:
+            self._foresee(now, job)
+        for crossing in asking:
+            self._ask(now, crossing)
 
     @property
     def _is_alone(self) -> bool:
@@ -93,17 +105,51 @@ class Crossings:
         robot = self._robot
         return bool(robot.config.arena.stations) and may_drive(robot.program, robot.drives_to_area, job)
 
-    def _contend(self, now: Instant, job: TimedJob, goal: Area | None) -> None:
-        """Ask for a turn among the robots of the job's event."""
-        event_id = self.group_of(job)
+    def _contend(self, now: Instant, job: TimedJob, goal: Area | None, step: EarlierStep | None = None) -> Crossing:
+        """Return the crossing of the robots of the job's event, or of an earlier step of it, which is yet to ask."""
+        name = "" if step is None else step_event(self._robot.program, job, step)
+        event_id = self._table.event_id(job, name)
         old = self._table.of_event(event_id)
         if old is not None and not old.over:
-            self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
-            return
+            shared = old.job is not job and old.job.finish is None and old.job.deadline <= job.deadline
+            if step is None or not shared:  # of two jobs of the robot with the same step the one due first asks
+                self._executor.execute(now, old, old.restart(now, job, goal))  # what it holds waits for this crossing
+            return old
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
         if old is not None:
             self._table.remove(old)  # the newest crossing is the last
-        self._ask(now, self._add(Crossing(job, event_id, event_id, trigger, goal)))
+        if not earlier_steps(self._robot.program, job):
+            return self._add(Crossing(job, event_id, event_id, trigger, goal))
+        later = 0 if step is None else step.later
+        serving = self._robot.program.assertions[job.assertion].serving if step is None else (step,)
+        takes = max(TRIGGERS_APART, *[self._expected(each.action) for each in serving])
+        self._chains = True
+        crossing = Crossing(job, event_id, event_id, trigger, goal, of_step=name, steps_later=later, takes=takes)
+        return self._add(crossing)
+
+    def _expected(self, action: int) -> Duration:
+        """Return how long an action takes: as long as the last time, else as its handler says."""
+        took = self._took.get(self._robot.program.predicates[action].name)
+        return self._robot.expected(action) if took is None else took
+
+    def _foresee(self, now: Instant, job: TimedJob) -> None:
+        """Work out when the steps of `job` can begin, and what they leave to those after them; tell what has changed.
+
+        A step can begin when those before it end: at the end of their slots, else of the least that they take. Its
+        deadline is that of the job less what the later ones take.
+        """
+        steps = [each for each in self._table if each.takes and each.job is job and not each.over]
+        for crossing in sorted(steps, key=lambda each: -each.steps_later):
+            before = [each.ends(now) for each in steps if each.steps_later > crossing.steps_later]
+            takes = {each.steps_later: each.length for each in steps}
+            later = sum(time for place, time in takes.items() if place < crossing.steps_later)
+            ready_from = now if crossing.serving else max(before, default=0)
+            passed_over = any(each.serving and each.steps_later < crossing.steps_later for each in steps)
+            if passed_over and crossing.waits and not crossing.serving:
+                commands = crossing.finish()  # it asks again when it is derived after all
+            else:
+                commands = crossing.foresee(now, ready_from, later)
+            self._executor.execute(now, crossing, commands)
 
     def _add(self, crossing: Crossing) -> Crossing:
         self._forget(self._table.add(crossing))
@@ -121,7 +167,7 @@ class Crossings:
         """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
         if not isinstance(crossing.phase, Preparing):
             return
-        if crossing.goal is None:
+        if crossing.goal is None and not crossing.of_step:
             servings = self._robot.program.assertions[crossing.job.assertion].serving
             if any(self._robot.drives_to_area(serving.action) for serving in servings):
                 return
@@ -227,6 +273,9 @@ class Crossings:
         if area is not None and self._is_station(area):
             job = next(iter(jobs or led_to(self._robot.program, live, action)), None)
             return self._hold_station(now, job, area)
+        step = None if jobs else self._of_step(now, live, derived)
+        if step is not None:
+            return step
         if not jobs:
             # The passage has turns by itself, so the deadline of a job that is watched counts, too.
             job = next(iter(led_to(robot.program, live, action, scheduled=False)), None)
@@ -242,8 +291,24 @@ class Crossings:
         if held is not None:
             return held
         if self._table.of_event(self.group_of(job)) is None and self._may_lead_to_station(job):
-            self._contend(now, job, self._goal_of(job))
+            self._ask(now, self._contend(now, job, self._goal_of(job)))
         return self._permit(now, job, action, args)
+
+    def _of_step(self, now: Instant, live: Sequence[TimedJob], derived: ActionDerived) -> Permit | None:
+        """Return the crossing of the earlier step that an action is, of the job that is due first."""
+        program = self._robot.program
+        for job in sorted(live, key=lambda each: (each.deadline, each.serial)):
+            for step in earlier_steps(program, job):
+                if step.action != derived.predicate or not pattern_agrees(step.args, derived.args, job.bindings):
+                    continue
+                crossing = self._table.of_event(self._table.event_id(job, step_event(program, job, step)))
+                if crossing is None:
+                    crossing = self._contend(now, job, None, step)
+                    self._ask(now, crossing)
+                elif crossing.over:
+                    self._renewed(now, crossing, crossing.restart(now, job, None))
+                return crossing
+        return None
 
     def _is_station(self, area: Area) -> bool:
         return self._robot.driver is not None and self._robot.config.arena.capacity(area.name) > 0
@@ -326,6 +391,8 @@ class Crossings:
 
     def _served(self, now: Instant, running: RunningAction, crossing: Crossing, *, failed: bool) -> None:
         crossing.serving.remove(running)
+        if crossing.takes and running.started is not None and not failed:
+            self._took[running.name] = now - running.started
         if (failed or crossing.of_drive) and not crossing.serving:
             self._executor.execute(now, crossing, crossing.fail())
         if crossing.station:
@@ -364,6 +431,7 @@ class Crossings:
         return any(
             crossing.entered_at > since or crossing.beyond or (crossing.late.slots_wasted > 0 and not crossing.over)
             for crossing in self._table
+            if not crossing.of_step
         )
 
     def inside(self, now: Instant, crossing: Crossing) -> list[int]:
@@ -373,12 +441,12 @@ class Crossings:
     @property
     def rank(self) -> int:
         """The robot's place in the newest crossing's schedule, 0 without one."""
-        return next((crossing.rank for crossing in reversed(self._table) if crossing.rank), 0)
+        return next((each.rank for each in reversed(self._table) if each.rank and not each.of_step), 0)
 
     def name_of(self, group_id: bytes) -> Symbol | None:
         """Return the name of the assertion behind a group."""
         crossing = self._table.at(group_id)
-        return None if crossing is None else Symbol(crossing.passage or crossing.job.name)
+        return None if crossing is None else Symbol(crossing.name)
 
     def _told(self, group_id: bytes) -> str:
         """Return what the trace calls a group."""
@@ -400,6 +468,9 @@ class Crossings:
             self._ask_at_gate(now)
         soonest = NEVER
         wanted = self._wanted_station() if self._robot.config.arena.stations else None
+        if self._chains:
+            for job in dict.fromkeys([each.job for each in self._table if each.takes and not each.over]):
+                self._foresee(now, job)
         for crossing in self._table:
             if crossing.course.destination is not None:
                 self.destinations.follow(now, crossing)
@@ -471,3 +542,9 @@ class Crossings:
         if isinstance(event, EntryMissed):
             situation = self._observer.with_others(crossing, situation)
         self._executor.execute(now, crossing, crossing.handle(now, event, situation))
+        if crossing.takes and not crossing.over:
+            self._foresee(now, crossing.job)
+            waits = crossing.serving or crossing.ready_from or self._robot.acts
+            if crossing.of_step and isinstance(event, EntryMissed) and not waits:
+                # Nothing of it is derived, and nothing before it is under way: it asks again when it is.
+                self._executor.execute(now, crossing, crossing.finish())

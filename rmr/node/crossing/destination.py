@@ -43,7 +43,7 @@ class Destinations:
     def rank_changed(self, now: Instant, crossing: Crossing) -> None:
         """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
         robot = self._robot
-        name = Symbol(crossing.passage or crossing.job.name)
+        name = Symbol(crossing.name)
         goal = crossing.goal
         running = crossing.action
         others = [args for args in robot.senses.of("turn") if args[0] != name]

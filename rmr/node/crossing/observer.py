@@ -115,9 +115,10 @@ class Observer:
         """Return whether the robot may ask by what it knows, and a new estimate; None: no other than before."""
         robot = self._robot
         goal = crossing.goal
-        if robot.driver is None:
-            expected = robot.config.turn
-            return True, CrossingPlan(inside=expected, headway=expected, notice=0)
+        if robot.driver is None or crossing.of_step:
+            expected = crossing.takes or robot.config.turn
+            notice = 0 if robot.driver is None else CrossingPlan().notice
+            return True, CrossingPlan(inside=expected, headway=expected, notice=notice)
         if goal is None:
             return True, None
         pose = robot.pose

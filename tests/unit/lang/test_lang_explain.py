@@ -10,7 +10,7 @@ import pytest
 from command_runner import Result, invoke
 from lang_source import compiled
 
-from rmr.analysis import goal_levels
+from rmr.analysis import goal_levels, servers
 from rmr.base.values import Robot, Symbol
 from rmr.commands.subcommands import command as main
 from rmr.lang import explain as told_columns
@@ -23,7 +23,6 @@ from rmr.lang.explain import explained_goals as told_goals
 from rmr.lang.explain import explained_rules as told_rules
 from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
 from rmr.lang.explain.texts import Spot
-from rmr.lang.lower import servers
 from rmr.node.payloads import FACT_BODY_OCTETS_MAX, Delivery, DeliveryRole, encode_delivery
 
 ROOT = Path(__file__).parents[3]

@@ -3,10 +3,10 @@
 import pytest
 from lang_source import compiled
 
+from rmr.analysis import servers
+from rmr.analysis.servers import Servers, steps_of
 from rmr.base.values import Symbol
 from rmr.bytecode.program import ANY, Constant, Pattern, Slot
-from rmr.lang.lower import servers
-from rmr.lang.lower.servers import Servers
 
 
 def serving(text: str) -> list[tuple[str, tuple[Pattern, ...]]]:
@@ -88,6 +88,53 @@ def test_the_way_from_an_effect_to_the_finish_fact_is_the_shortest() -> None:
         way.append((program.predicates[passed.predicate].name, passed.derivation.rule))
         passed = passed.towards
     assert way == [("a", 0), ("b", 3)]
+
+
+def steps(text: str) -> list[tuple[str, tuple[Pattern, ...], int]]:
+    program = compiled(text)
+    return [(program.predicates[each.action].name, each.args, each.later) for each in steps_of(program)[0]]
+
+
+STEPS = """
+type action pick(R: robot, N: int) -o picked(R, N).
+type action weigh(R: robot) -o weighed(R).
+type action load(R: robot, N: int) -o loaded(R, N).
+type action blink(R: robot).
+type action wait(R: robot, T: float) -o rested(R).
+assert(s(R, X), e(R, X), 9, v(R)). go(R, 1).
+"""
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        "go(R, N) -o s(R, N), pick(R, N). picked(R, N) -o weigh(R), of(R, N). weighed(R), of(R, N) -o load(R, N).",
+        "go(R, N) -o s(R, N), pick(R, N) then weigh(R) then blink(R) then wait(R, 2.0) then load(R, N).",
+        "go(R, N) -o s(R, N). $s(R, N) -o pick(R, N) then weigh(R). weighed(R), of(R, N) -o load(R, N).",
+    ],
+)
+def test_actions_on_the_way_from_the_start_fact_are_steps_by_rules_and_in_chains(rules: str) -> None:
+    assert steps(f"{STEPS}{rules} loaded(R, N) -o e(R, N).") == [("pick", (Slot(1),), 2), ("weigh", (), 1)]
+
+
+def test_what_precedes_the_start_or_follows_the_end_of_a_job_is_no_step() -> None:
+    rules = "picked(R, N) -o s(R, N), weigh(R). weighed(R) -o load(R, 1). loaded(R, N) -o e(R, N), go(R, N)."
+    assert steps(f"{STEPS}go(R, N) -o pick(R, N). {rules}") == [("weigh", (), 1)]
+
+
+def test_an_action_that_may_serve_the_job_itself_is_no_earlier_step() -> None:
+    rules = "go(R, N) -o s(R, N), pick(R, N) then pick(R, 2) then weigh(R) then pick(R, N). picked(R, N) -o e(R, N)."
+    assert steps(STEPS + rules) == [("weigh", (), 1)]
+
+
+def test_a_job_whose_finish_is_another_robots_has_steps() -> None:
+    text = """
+    type action weigh(R: robot) -o weighed(R).
+    type action give(R: robot, B: robot) -o has(B).
+    assert(s(R, B), has(B), 9, v(R)). s(@1, @2).
+    s(R, B) -o weigh(R) then give(R, B).
+    """
+    assert steps(text) == [("weigh", (), 1)]
 
 
 def test_search_for_serving_actions_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
