@@ -99,6 +99,7 @@ class Driver:
         self._twist = other._twist
         self._acted_at = other._acted_at
         self._sensed_at = other._sensed_at
+        self._told = other._told
         self._set_out_at = other._set_out_at
         self.stays_until = other.stays_until
         self._began = other._began

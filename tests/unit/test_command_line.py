@@ -229,7 +229,7 @@ def completed(monkeypatch):
 def test_every_option_of_a_command_is_completed_with_its_help(name, completed, monkeypatch):
     found = completed(name, "--")
     monkeypatch.delenv(VARIABLE)
-    shown = re.findall(r"^  (?:-\w(?: \S+)?, )?(--[a-z-]+)", call(name, "--help").stdout, re.MULTILINE)
+    shown = re.findall(r"^  (?:-\w(?: \S+)?, )?(--[a-z0-9-]+)", call(name, "--help").stdout, re.MULTILINE)
     assert sorted(found) == sorted(shown)
     assert all(found.values())
 

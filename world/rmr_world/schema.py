@@ -403,9 +403,15 @@ class TopicFactSpec(_Strict):
     every: Annotated[DurationNs, Field(gt=0)] = NS_PER_S
 
 
+def _fact_kind(item: Any) -> str:
+    """Return the tag of an item of `facts`; one that has no key of a topic's is a fact without quotation marks."""
+    is_topic = isinstance(item, TopicFactSpec) or (isinstance(item, dict) and item.keys() & TopicFactSpec.model_fields)
+    return "(topic)" if is_topic else "(text)"
+
+
 FactItem = Annotated[
     Annotated[str, Tag("(text)")] | Annotated[TopicFactSpec, Tag("(topic)")],
-    Discriminator(lambda item: "(topic)" if isinstance(item, dict | TopicFactSpec) else "(text)"),
+    Discriminator(_fact_kind),
     WithJsonSchema({"anyOf": [{"type": "string"}, TopicFactSpec.model_json_schema()]}),
 ]
 
