@@ -530,7 +530,8 @@ class Navigator:
     def leads_back(self, place: Point) -> bool:
         """Return whether a robot that is in a passage, or has passed one, would pass one on its way to `place`.
 
-        One on an excursion is taken for such a robot: another place would break the excursion off.
+        One on an excursion is taken for such a robot: another place would break the excursion off. So is one that has no
+        passage before it where only jobs of one event take turns: its drive would ask for none.
         """
         route = self.route
         order = self._order
@@ -544,6 +545,8 @@ class Navigator:
         if to is None or passage is None or not passage.two_ended:
             return False  # of a passage with one entrance it is not known on which side of it a place lies
         if gate.cleared or order.behind or self.aside:
+            return True
+        if route.gate_m is None and not self.arena.has_shared_passages:
             return True
         return route.gate_m is not None and to.way != route.way
 
