@@ -101,7 +101,7 @@ def test_with_several_labs_they_are_named_and_one_is_chosen(start):
     assert "no lab moon runs on this machine; what runs: east (run-east), west (run-west)" in refused(
         rmr("down", "--lab", "moon")
     )
-    assert "--all goes without --run and --lab" in refused(rmr("down", "--all", "--lab", "east"))
+    assert "--all goes without --run, --lab and --connect" in refused(rmr("down", "--all", "--lab", "east"))
     assert rmr("down", "--all").exit_code == 0
     assert active_runs() == []
 
