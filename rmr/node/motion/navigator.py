@@ -530,8 +530,8 @@ class Navigator:
     def leads_back(self, place: Point) -> bool:
         """Return whether a robot that is in a passage, or has passed one, would pass one on its way to `place`.
 
-        One on an excursion is taken for such a robot: another place would break the excursion off. So is one that has no
-        passage before it where only jobs of one event take turns: its drive would ask for none.
+        One on an excursion is taken for such a robot: another place would break the excursion off. So is one that has
+        no passage before it where only jobs of one event take turns: its drive would ask for none.
         """
         route = self.route
         order = self._order
