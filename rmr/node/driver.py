@@ -7,7 +7,7 @@ A body moves on while its samples wait for a processor. So the speed depends on 
 the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -18,7 +18,7 @@ from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol, Value
 from rmr.node.config import NodeConfig
-from rmr.node.crossing.approach import Approach, is_divided, is_free_way, sides
+from rmr.node.crossing.approach import Approach, is_divided, side_of
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.hearing import DEAD
@@ -287,20 +287,13 @@ class Driver:
         ]
         radius = self.arena.shape.radius
         parked = peers.parked(now)
-        for some in (*self._on_this_side(area), places):
+        pose = self.localiser.pose
+        own_side = side_of(self.arena, area, pose) if pose is not None and is_divided(self.arena, area) else ()
+        for some in (own_side, places):
             found = nearest_free(some, index, taken, radius, parked, 2.0 * radius + TIGHT_MARGIN_M)
             if found is not None:
                 return found
         return places[index % len(places)]
-
-    def _on_this_side(self, area: Area) -> Iterator[tuple[Point, ...]]:
-        """Return the slots of `area` to which the robot's way leads through no passage, if there are others."""
-        pose = self.localiser.pose
-        if pose is not None and is_divided(self.arena, area):
-            here = Point(pose.x, pose.y)
-            for side in sides(self.arena, area):
-                if is_free_way(self.arena, here, side[0]):
-                    yield side
 
     def _unranked(self, area: Area) -> int:
         """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""

@@ -5,9 +5,12 @@ from pathlib import Path
 import pytest
 from lab_maker import traced
 
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import in_seconds, seconds
+from rmr.node.crossing import approach
+from rmr.node.crossing.approach import side_of
 from rmr.node.motion.keep_right import gated_route
+from rmr.node.motion.route import leader_route
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation_api import simulate
 
@@ -220,3 +223,22 @@ def test_nobody_goes_through_a_passage_while_a_slot_on_its_own_side_is_free(tmp_
     simulation = prepare(divided(tmp_path, slots, 2), seed=1)
     assert simulation.run()
     assert spans(simulation) == []
+
+
+def test_on_which_side_of_a_passage_a_robot_is_takes_one_plan_a_cell(tmp_path, monkeypatch):
+    arena = prepare(divided(tmp_path, DIVIDED[0], 1), seed=1).lab.arena
+    area = arena.area("right")
+    plans = []
+
+    def counted(*args, **options):
+        plans.append(args)
+        return leader_route(*args, **options)
+
+    monkeypatch.setattr(approach, "leader_route", counted)
+    assert side_of(arena, area, Pose(0.41, 1.21, 0.0)) == area.places[1::2]
+    assert side_of(arena, area, Pose(2.41, 1.21, 0.0)) == area.places[::2]
+    before = len(plans)
+    assert before > 0
+    for heading in range(3):
+        assert side_of(arena, area, Pose(0.42, 1.22, float(heading))) == area.places[1::2]
+    assert len(plans) == before

@@ -108,15 +108,15 @@ def departures(arena: Arena, entrance: Point, area_name: str) -> tuple[float, ..
 
 def is_divided(arena: Arena, area: Area) -> bool:
     """Return whether a way from one slot of `area` to another leads through a passage of all robots."""
-    return area.slotted and arena.has_shared_passages and len(sides(arena, area)) > 1
+    return area.slotted and arena.has_shared_passages and len(_sides(arena, area)) > 1
 
 
 @lru_cache(maxsize=64)
-def sides(arena: Arena, area: Area) -> tuple[tuple[Point, ...], ...]:
+def _sides(arena: Arena, area: Area) -> tuple[tuple[Point, ...], ...]:
     """Return the slots of `area` in groups: between those of one group the ways lead through no passage."""
     found: list[list[Point]] = []
     for place in area.places:
-        side = next((side for side in found if is_free_way(arena, side[0], place)), None)
+        side = next((side for side in found if _is_free_way(arena, side[0], place)), None)
         if side is None:
             found.append([place])
         else:
@@ -124,7 +124,19 @@ def sides(arena: Arena, area: Area) -> tuple[tuple[Point, ...], ...]:
     return tuple(map(tuple, found))
 
 
-def is_free_way(arena: Arena, start: Point, place: Point) -> bool:
+def side_of(arena: Arena, area: Area, pose: Pose) -> tuple[Point, ...]:
+    """Return the slots of `area` to which the way from `pose` leads through no passage; empty if it does to all."""
+    return _side_of_cell(arena, area, int(pose.x / arena.cell), int(pose.y / arena.cell))
+
+
+@lru_cache(maxsize=4096)
+def _side_of_cell(arena: Arena, area: Area, column: int, row: int) -> tuple[Point, ...]:
+    """Return it for the middle of a grid cell: a plan costs milliseconds, and hellos ask again and again."""
+    here = Point((column + 0.5) * arena.cell, (row + 0.5) * arena.cell)
+    return next((side for side in _sides(arena, area) if _is_free_way(arena, here, side[0])), ())
+
+
+def _is_free_way(arena: Arena, start: Point, place: Point) -> bool:
     """Return whether the way from `start` to `place` leads through no passage."""
     route = leader_route(arena, start, place, (), through_gate=True)
     return route is not None and route.gate_m is None

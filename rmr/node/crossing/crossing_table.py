@@ -38,8 +38,11 @@ class CrossingTable:
         return stable_hash(f"{self._digest}/{name}", 6).to_bytes(6, "big")
 
     def event_id(self, job: TimedJob, step: str = "") -> bytes:
-        """Return the name of the group of `job`, or of a `step` of it: program, assertion and finish arguments."""
-        return self._id(f"{job.assertion}/{step or job.event}")
+        """Return the name of the group of `job`, or of a `step` of it: program, assertion and finish arguments.
+
+        An action may have the name of the assertion, and the same arguments.
+        """
+        return self._id(f"{job.assertion}/{f'step {step}' if step else job.event}")
 
     def station_id(self, area: str) -> bytes:
         """Return the name of the group of those that drive into a station, whatever their events."""

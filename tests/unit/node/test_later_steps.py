@@ -70,6 +70,7 @@ def test_names_of_groups_depend_on_the_program_and_on_what_they_name():
     table, other = CrossingTable(7), CrossingTable(8)
     names = [table.passage_id("a"), table.passage_id("b"), table.station_id("a"), other.passage_id("a")]
     names += [table.drive_id(), table.drive_id(), table.event_id(job(1)), table.event_id(job(1, "delivery(x)"))]
+    names += [table.event_id(job(1), step="delivery()"), table.event_id(job(1), step="load()")]
     assert len(set(names)) == len(names)
     assert {len(name) for name in names} == {6}
     assert CrossingTable(7).passage_id("a") == names[0]
