@@ -108,16 +108,22 @@ class Navigator:
         shared: GridPath | None = None,
         through_gate: bool = False,
     ) -> bool:
-        """Plan a route to `goal` and begin. Returns False, with status blocked, if there is none yet."""
-        if self._order is None or self.status not in ("moving", "blocked"):
+        """Plan a route to `goal` and begin. Returns False, with status blocked, if there is none yet.
+
+        A robot on an excursion ends that first: with another place in the same area it is still in the same jam.
+        """
+        goes_on = self._order is not None and self.status in ("moving", "blocked")
+        aside = goes_on and self._excursion is not None
+        if not goes_on:
             self._stand_off.reset()  # else it is the same drive by another route, in the same deadlock
-        self._clear()
+        if not aside:
+            self._clear()
+            self._gate = EntryGate(self.arena.shape, holding=through_gate)
         self._order = DriveOrder(goal, shared, through_gate)
         self._face = final_heading
         self._park(tuple(parked), frozenset(lost))
         self._pose = pose
-        self._gate = EntryGate(self.arena.shape, holding=through_gate)
-        return self._replan(now, pose)
+        return aside or self._replan(now, pose)
 
     def gate(self, opens_at: Instant | None, opened: bool, passage: str | None = None) -> None:
         """Set when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed.
@@ -530,8 +536,8 @@ class Navigator:
     def leads_back(self, place: Point) -> bool:
         """Return whether a robot that is in a passage, or has passed one, would pass one on its way to `place`.
 
-        One on an excursion is taken for such a robot: another place would break the excursion off. So is one that has
-        no passage before it where only jobs of one event take turns: its drive would ask for none.
+        So is one taken that has no passage before it where only jobs of one event take turns: its drive would ask for
+        none.
         """
         route = self.route
         order = self._order
@@ -544,7 +550,7 @@ class Navigator:
         passage = None if to is None else self.arena.passage(to.passage)
         if to is None or passage is None or not passage.two_ended:
             return False  # of a passage with one entrance it is not known on which side of it a place lies
-        if gate.cleared or order.behind or self.aside:
+        if gate.cleared or order.behind:
             return True
         if route.gate_m is None and not self.arena.has_shared_passages:
             return True

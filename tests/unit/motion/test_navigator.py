@@ -284,3 +284,23 @@ def test_a_robot_that_has_retreated_and_finds_no_way_back_retreats_elsewhere():
     navigator.update_parked(barred)
     longest_s = RETREAT_S + RETREAT_SPREAD_S
     assert ends(jammed_s, jammed_s + longest_s + 2) - {spot, goal}, "it has not retreated again"
+
+
+def test_a_robot_that_is_given_another_place_ends_its_excursion_first():
+    navigator = Navigator(bench.testbed(), 1)
+    start, goal, other = Pose(0.25, 0.75, 0.0), Point(1.38, 0.36), Point(1.38, 0.5)
+    navigator.go(0, start, goal)
+    now = 0
+    while not navigator.aside:
+        now += seconds(1 / 60)
+        assert now < 3 * ENDURED, "it has not retreated"
+        navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
+        navigator.step(now, start, [SeenBody(0.165, 0.0, 0.0, 0.0)], bumped=False)
+    spot = navigator.route.points[-1]
+    assert navigator.go(now, start, other)
+    assert navigator.aside
+    assert navigator.route.points[-1] == spot
+    assert navigator.goal == other
+    navigator.step(now + seconds(RETREAT_S + RETREAT_SPREAD_S), start, [], bumped=False)
+    assert not navigator.aside
+    assert navigator.route.points[-1] == other
