@@ -503,6 +503,51 @@ def test_robots_that_wait_for_a_long_turn_of_a_robot_that_drives_do_not_stand_st
     assert found(simulation) == []
 
 
+CHAIN = """
+type action laps(R: robot) -o lapped(R).
+type action hold(R: robot) -o held(R).
+start(R).
+start(@1) -o outer(@1, 100), inner(@1, 150).
+start(@2) -o inner(@2, 90).
+start(@3) -o outer(@3, 200).
+outwards: assert(outer(R, D), held(R), D, say(R, "late")).
+inwards: assert(inner(R, D), lapped(R), D, say(R, "late")).
+outer(R, _) -o hold(R).
+inner(R, _) -o laps(R).
+held(@1) -o done(@1).
+lapped(@2) -o done(@2).
+held(@3) -o done(@3).
+"""
+LAPS = """
+from rmr import action
+
+LAPPED = {3}
+
+@action("laps", wheels=True)
+async def laps(robot):
+    robot.drive(0.0, 1.6)  # turn away from the other robots
+    await robot.sleep(0.95)
+    for _ in range(10 if robot.id == 2 and GOES_ON else 0):
+        for v in (0.2, 0.2, -0.2, -0.2):
+            robot.drive(v, 0.0)
+            await robot.sleep(0.95)
+    await robot.until(lambda: GOES_ON)
+    LAPPED.add(robot.id)
+
+@action("hold")
+async def hold(robot):
+    await robot.until(lambda: robot.id in LAPPED)
+"""
+
+
+@pytest.mark.parametrize(("goes_on", "stand_still"), [(True, set()), (False, {(1,), (2,), (3,)})])
+def test_who_waits_for_one_that_waits_for_what_a_third_one_uses_does_not_stand_still(tmp_path, goes_on, stand_still):
+    actions = LAPS.replace("GOES_ON", str(goes_on))
+    simulation = small_lab(tmp_path, CHAIN, actions=actions, robots=3, finish="done(R)", duration="90s")
+    simulation.run()
+    assert {robots for check, robots, _ in found(simulation) if check == "stands still"} == stand_still
+
+
 def test_a_robot_that_polls_with_short_sleeps_and_does_not_move_stands_still(tmp_path):
     poll = """
     from rmr import action

@@ -34,9 +34,9 @@ from rmr.node.motion.standoff.escapes import DeadlockCause, Excursion, Impasse
 from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
-WALL_SHARE: Final = 0.5
+TURNS_SHARE: Final = 0.5
 """A robot that a wall slows to less than this share of its speed, or of the reference robot's, turns off it."""
-WALL_TURN: Final = 1.5
+OFF_TURN: Final = 1.5
 """Turn rate with which it does, rad/s."""
 RETRY_S: Final = 0.5
 """Retry interval of planning while there is no route."""
@@ -276,8 +276,10 @@ class Navigator:
         cap = control.cap(follower, self._gate, self._right_of_way, self._queueing, ahead, self._first_m)
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
-        if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M and control.leads_to_wall(wish):
-            allowed = self._past_wall(pose, follower, wish, allowed)
+        if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M:
+            off = control.off_wall(pose) if control.leads_to_wall(wish) else control.off_robot(pose)
+            if off is not None:
+                allowed = self._past(pose, follower, wish, allowed, off)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
         stuck = STILL if bumped else allowed
         # Before its slot a robot may well stand: patience is longer then.
@@ -291,11 +293,12 @@ class Navigator:
         self._v = allowed.v
         return allowed
 
-    def _past_wall(self, pose: Pose, follower: Follower, wish: Twist, allowed: Twist) -> Twist:
+    def _past(self, pose: Pose, follower: Follower, wish: Twist, allowed: Twist, off: float) -> Twist:
         """Return the fastest of `allowed` and of commands that keep closer to the path or to the heading than `wish`.
 
         The arc of pure pursuit cuts corners, and a path may lead along the margin that the shield keeps. Where the
-        robot could hardly drive it turns off the wall, until driving leads away from it: a turn moves no hull.
+        robot could hardly drive it turns to the side `off`, off what it is near to, until driving leads away from it: a
+        turn moves no hull.
         """
         control = self.control
         for ahead_m in CLOSE_AHEAD_M:
@@ -305,8 +308,8 @@ class Navigator:
         straight = control.slowed(Twist(wish.v, 0.0))
         if straight.v > allowed.v:
             allowed = straight
-        hardly = WALL_SHARE * min(wish.v, REFERENCE.speed)
-        return Twist(0.0, WALL_TURN * control.off_wall(pose)) if allowed.v < hardly else allowed
+        hardly = TURNS_SHARE * min(wish.v, REFERENCE.speed)
+        return Twist(0.0, OFF_TURN * off) if allowed.v < hardly else allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is a route to follow or a heading to face; plan if that is due."""

@@ -227,6 +227,18 @@ class SpeedControl:
             return 0.0
         return 1.0 if left > right else -1.0
 
+    def off_robot(self, pose: Pose) -> float | None:
+        """Return to which side the robot at `pose` turns off another one that stands within its margin; None: off none.
+
+        1 to the left, -1 to the right. Each way that leads nearer to that one is barred, and so is the arc on which
+        nearly every route begins.
+        """
+        near = [other for other in self._standing(pose) if hypot(other.x, other.y) < other.keep]
+        if not near:
+            return None
+        nearest = min(near, key=lambda other: hypot(other.x, other.y) - other.keep)
+        return -1.0 if nearest.y > 0.0 else 1.0
+
     def _shielded(self, twist: Twist, *, walls: bool = True) -> Twist:
         """Return `twist`, so slow that the robot stands before each robot that stands and each wall it knows of."""
         if twist.v == 0.0:

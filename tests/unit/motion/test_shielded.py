@@ -185,3 +185,29 @@ def reverses_after_s(sigma_m):
 
 def test_a_robot_that_its_estimate_keeps_off_a_goal_by_a_wall_stands_for_a_while_before_it_backs_up():
     assert 10.0 < reverses_after_s(0.02) < 25.0
+
+
+def drives_off(goal):
+    """Return how far a robot beside one that stands within its margin gets in 0.7 s on its way to `goal`, and how near.
+
+    Both in metres; near is from hull to hull. Later the other one would be overdue, for it says nothing.
+    """
+    nav = Navigator(Arena(2.0, 2.0, 0.05), 2)
+    nav.control.sigma_m = 0.005
+    pose, beside = ABREAST, ReportedState(2, 0.2, 0.648, 0.0, 0.0, 0, True, False, settled=True)
+    nav.go(0, pose, goal, parked=[Point(beside.x, beside.y)])
+    near = math.inf
+    for tick in range(42):
+        nav.hearing.update(pose, [beside])
+        twist = nav.step(tick_start(tick), pose, (), bumped=False)
+        theta = pose.theta + twist.w / 60.0
+        pose = Pose(pose.x + twist.v * math.cos(theta) / 60.0, pose.y + twist.v * math.sin(theta) / 60.0, theta)
+        near = min(near, math.dist(pose[:2], (beside.x, beside.y)) - 0.14)
+    return math.dist(pose[:2], ABREAST[:2]), near
+
+
+@pytest.mark.parametrize("goal", [Point(0.9, 0.5), Point(0.2, 1.3), Point(0.9, 0.9)])
+def test_a_robot_within_the_margin_of_one_that_stands_turns_off_it_and_drives(goal):
+    away, near = drives_off(goal)
+    assert away > 0.1
+    assert near > 0.007

@@ -160,10 +160,13 @@ class ProgressChecker:
             self._progress_at[robot] = now
 
     def _note_use(self, robot: int) -> None:
-        """Count the progress of a robot inside as use of what it has entered, for the robots that wait for that."""
+        """Count the progress of a robot inside as use of what it has entered, for the robots that wait for that.
+
+        It may itself wait for what others use. Robots that wait for each other in a circle make no progress.
+        """
         for crossing in self._view.node(robot).crossings.all_current:
             if isinstance(crossing.phase, Inside):
-                self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_at[robot])
+                self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._progress_of(robot))
 
     def _look_at_goal(self, robot: int, now: Instant) -> None:
         """Note whether others have come to the goal for which `robot` waits, or have left it."""
