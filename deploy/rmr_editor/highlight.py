@@ -18,7 +18,7 @@ from pygments.token import (  # type: ignore[import-untyped]
     Whitespace,
 )
 
-from rmr.lang.read.habits.brackets import AGGREGATES
+from rmr.lang.read.habits import AGGREGATES
 from rmr.lang.read.lexer import Token, scanner, tokens
 from rmr.lang.read.tables import tables
 

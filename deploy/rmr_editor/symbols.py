@@ -23,7 +23,7 @@ from rmr.lang.compiler import Compilation
 from rmr.lang.explain import explain
 from rmr.lang.explain.show import show_assertion
 from rmr.lang.format import one_line
-from rmr.lang.read.habits.brackets import AGGREGATES
+from rmr.lang.read.habits import AGGREGATES
 from rmr.lang.read.include import in_library, included_name, library_files
 from rmr.lang.read.lexer import OPEN_COMMENT, Token, scanner, tokens
 from rmr.lang.read.source_text import SourceText, Span

@@ -16,6 +16,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.commands.radio_command": "one command: the options of each experiment, its run, and the words of its results",
     "rmr.lang.analyse.names": "the symbol table and the checks of uses against it",
     "rmr.lang.lower.emitter": "one class, a method for each construct that has code",
+    "rmr.lang.read.habits": "one table: a function for each form that other languages have",
     "rmr.lang.read.tree_builder": "one class, a method for each rule of the grammar",
     "rmr.lang.read.syntax": "the nodes of the syntax tree, one record for each rule of the grammar",
     "rmr.node.driver": "one robot's drive: samples in, wheels and facts out, and one state between them",

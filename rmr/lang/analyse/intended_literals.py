@@ -15,7 +15,7 @@ from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.program import Base
 from rmr.lang.analyse.types import CALLABLE, Types
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, WordHint
-from rmr.lang.read.habits.brackets import AGGREGATES, aggregate_hint
+from rmr.lang.read.habits import AGGREGATES, aggregate_hint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
     AssertionItem,

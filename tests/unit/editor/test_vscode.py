@@ -14,7 +14,7 @@ from command_runner import invoke
 from jsonschema import Draft202012Validator
 
 from rmr import __version__
-from rmr.lang.read.habits.brackets import AGGREGATES
+from rmr.lang.read.habits import AGGREGATES
 from rmr.lang.read.lexer import scanner
 from rmr.lang.read.tables import tables
 from rmr_editor.highlight import TYPES, RmrLexer
