@@ -10,8 +10,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
-from rmr.lang.analyse.misspelt_names import Speller
-from rmr.lang.analyse.misspelt_symbols import lint_letters, lint_symbols
+from rmr.lang.analyse.misspellings import Speller, lint_letters, lint_symbols
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
