@@ -11,7 +11,7 @@ from eval_command import facts
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.layout import FLAG_ENSEMBLE
 from rmr.lang.compiler import compile_source
-from rmr.lang.explain.explained_ensemble import FRAMES
+from rmr.lang.explain.explained_rules import FRAMES
 
 PROGRAMS = Path(__file__).parents[1] / "programs" / "ensemble"
 SEEDS = range(int(os.environ.get("RMR_SEEDS", "20")))

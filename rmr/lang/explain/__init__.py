@@ -12,9 +12,8 @@ from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import Compilation
 from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
-from rmr.lang.explain.explained_ensemble import ExplainedEnsemble, explain_ensemble
 from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer, RankingBudget
-from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
+from rmr.lang.explain.explained_rules import ExplainedEnsemble, ExplainedRule, RuleExplainer, explain_ensemble
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts, environments
 from rmr.lang.read.syntax import GoalItem
 

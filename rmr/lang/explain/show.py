@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 
 from rmr.lang.explain import Explanation
 from rmr.lang.explain.explained_assertions import ExplainedAssertion, Origin, ServingAction
-from rmr.lang.explain.explained_ensemble import ExplainedEnsemble
 from rmr.lang.explain.explained_goals import ExplainedGoal, LeadingRule
-from rmr.lang.explain.explained_rules import ExplainedDerivation, ExplainedPart, ExplainedRule, Needs
+from rmr.lang.explain.explained_rules import ExplainedDerivation, ExplainedEnsemble, ExplainedPart, ExplainedRule, Needs
 from rmr.lang.explain.texts import Spot
 
 RULES_SHOWN_MAX = 50

@@ -18,7 +18,6 @@ from rmr.lang.analyse import fact_size as sizes
 from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
 from rmr.lang.explain import explained_assertions as told_assertions
-from rmr.lang.explain import explained_ensemble as told_ensemble
 from rmr.lang.explain import explained_goals as told_goals
 from rmr.lang.explain import explained_rules as told_rules
 from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
@@ -123,8 +122,8 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
         "a step of a way": told_assertions.WayStep,
         "an origin": told_assertions.Origin,
         "a rule": told_rules.ExplainedRule,
-        "a rule over several robots": told_ensemble.ExplainedEnsemble,
-        "another robot of a rule": told_ensemble.ExplainedRemote,
+        "a rule over several robots": told_rules.ExplainedEnsemble,
+        "another robot of a rule": told_rules.ExplainedRemote,
         "needs": told_rules.Needs,
         "a part of a head": told_rules.ExplainedPart,
         "an answer on columns": told_columns.ExplainedColumns,
