@@ -20,7 +20,7 @@ from rmr.commands.subcommands import PROGRAMS
 from rmr.commands.subcommands import command as main
 from rmr.entry.command_line import Runnable
 from rmr_deploy.why_program import why_command
-from rmr_lab.commands import check, new
+from rmr_lab.main import check, new
 from rmr_sim.main import main as simulate
 from rmr_sim.main import sweep_command
 from rmr_view.plot import command as plot

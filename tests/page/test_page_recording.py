@@ -5,7 +5,7 @@ import re
 import pytest
 from shown_run import ShownRecording, until
 
-from rmr_lab.scaffold import write_lab
+from rmr_lab.lab_folders import write_lab
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from command_runner import invoke
 from rmr.commands.subcommands import command as rmr
 from rmr_agent.main import command as agent
 from rmr_deploy.up import command as up
-from rmr_lab.commands import check
+from rmr_lab.main import check
 from rmr_sim.main import command as sim
 from rmr_world.main import command as world
 

@@ -28,8 +28,8 @@ from rmr_deploy.up import command as up
 from rmr_deploy.up import demo_command
 from rmr_deploy.why_program import why_command
 from rmr_editor.main import command as lsp
-from rmr_lab.commands import command as lab
-from rmr_lab.commands import new
+from rmr_lab.main import command as lab
+from rmr_lab.main import new
 from rmr_sim.main import command as sim
 from rmr_sim.main import sweep_command
 from rmr_view.plot import command as plot

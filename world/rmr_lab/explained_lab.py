@@ -12,7 +12,7 @@ from rmr.base.arena import BOTTLENECK
 from rmr.base.geometry import Point
 from rmr.base.time import in_seconds
 from rmr.bytecode.program import Assertion, Program
-from rmr_lab.text_map import text_map
+from rmr_lab.picture import text_map
 from rmr_world.lab import Lab
 from rmr_world.narrow_places import narrow_places, side_by_side_m
 from rmr_world.passage_use import FirstDrive, PassageUse, first_drives, first_events, passage_uses, stretch

@@ -1,8 +1,8 @@
-"""Drawing of a lab as an SVG: the floor before a run.
+"""Drawings of a lab before a run: as an SVG, and as a text that fits into a terminal.
 
-The layers are obstacles, areas with their slots, boxes and queues, beacons, narrow passages, named passages, the robots
-with their headings and fields of view, and the route of each robot to its destination, from the robots' own planner.
-Metres are scaled to pixels; y points up.
+The layers of the SVG are obstacles, areas with their slots, boxes and queues, beacons, narrow passages, named passages,
+the robots with their headings and fields of view, and the route of each robot to its destination, from the robots' own
+planner. Metres are scaled to pixels; y points up.
 """
 
 import math
@@ -221,3 +221,50 @@ def _grid_step(side_m: float) -> float:
     """Return the spacing of the grid, 1, 2 or 5 times a power of ten, so that `side_m` has 3 to 8 lines."""
     power = 10.0 ** math.floor(math.log10(side_m / 3.0))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= side_m / 3.0)
+
+
+# ---- as text
+
+COLUMNS_MAX = 98
+"""Characters across, without the frame."""
+ROWS_MAX = 40
+"""Characters upwards."""
+
+
+def text_map(
+    arena: Arena, lines: Mapping[str, Iterable[tuple[Point, Point]]], points: Mapping[str, list[Point]]
+) -> str:
+    """Return the floor as lines of text, north at the top.
+
+    `lines` and `points` hold what to mark by its character; later marks cover earlier ones.
+    """
+    aspect = 2.0  # height of a character over its width
+    columns = COLUMNS_MAX
+    rows = round(columns * arena.height / arena.width / aspect)
+    if rows > ROWS_MAX:
+        rows = ROWS_MAX
+        columns = max(1, round(rows * aspect * arena.width / arena.height))
+    rows = max(1, rows)
+    cell_x = arena.width / columns
+    cell_y = arena.height / rows
+    marks = [[_floor(arena, (c + 0.5) * cell_x, (r + 0.5) * cell_y) for c in range(columns)] for r in range(rows)]
+
+    def mark(at: Point, sign: str) -> None:
+        column = min(columns - 1, max(0, int(at.x / cell_x)))
+        row = min(rows - 1, max(0, int(at.y / cell_y)))
+        marks[row][column] = sign
+
+    for sign, ends in lines.items():
+        for a, b in ends:
+            for k in range(201):  # points of a line that are marked: more than there are characters across
+                t = k / 200
+                mark(Point(a.x + (b.x - a.x) * t, a.y + (b.y - a.y) * t), sign)
+    for sign, places in points.items():
+        for place in places:
+            mark(place, sign)
+    frame = f"+{'-' * columns}+"
+    return "\n".join([frame, *(f"|{''.join(row)}|" for row in reversed(marks)), frame])
+
+
+def _floor(arena: Arena, x: float, y: float) -> str:
+    return "#" if arena.clearance(x, y) <= 0.0 else " "

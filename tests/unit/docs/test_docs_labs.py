@@ -24,7 +24,7 @@ from rmr_deploy.preparation import RunPlan
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.up import command
-from rmr_lab.commands import command as lab
+from rmr_lab.main import command as lab
 from rmr_sim.main import main as sim
 from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.violation import Violation

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from command_runner import invoke
 
-from rmr_lab.commands import check as command
+from rmr_lab.main import check as command
 from rmr_world.finding import LabError
 from rmr_world.hosts import hub, read_hosts
 from rmr_world.lab import LabHost

@@ -10,8 +10,8 @@ import pytest
 from command_runner import invoke
 
 from rmr_lab import lab_check
-from rmr_lab.commands import check as command
-from rmr_lab.commands import command as lab
+from rmr_lab.main import check as command
+from rmr_lab.main import command as lab
 from rmr_lab.picture import draw
 from rmr_world.bound import destinations
 from rmr_world.lab_file import load_lab

@@ -8,8 +8,8 @@ from command_runner import invoke
 
 from rmr.base.arena import Arena, Disc
 from rmr.base.geometry import Point
-from rmr_lab.commands import check as command
-from rmr_lab.text_map import COLUMNS_MAX, ROWS_MAX, text_map
+from rmr_lab.main import check as command
+from rmr_lab.picture import COLUMNS_MAX, ROWS_MAX, text_map
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "docs" / "examples" / "labs"

@@ -10,10 +10,9 @@ import pytest
 import yaml
 from command_runner import invoke
 
-from rmr_lab.commands import command, new
 from rmr_lab.lab_check import check
-from rmr_lab.lab_copies import HEADER, SCHEMA_FILE
-from rmr_lab.scaffold import LAB_NAME
+from rmr_lab.lab_folders import HEADER, LAB_NAME, SCHEMA_FILE
+from rmr_lab.main import command, new
 from rmr_sim.run_setup import prepare
 from rmr_world import schema
 from rmr_world.provided_labs import labs_folder, provided_labs, resolve
