@@ -3,6 +3,7 @@
 A phase with errors ends validation, for the later ones would report consequences of the same errors.
 """
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from rmr.bytecode.program import Program
@@ -15,6 +16,34 @@ from rmr_world.validate.schema_conformance import check_schema
 
 FILE_FIT = (*floor_fit.CHECKS, *beacon_fit.CHECKS, *shape_fit.FILE_CHECKS, *reference_fit.CHECKS)
 """Checks of phase 2 that need the lab file alone."""
+
+RunCheck = Callable[[Lab, Program], Iterable[Finding]]
+
+
+def run_phases() -> tuple[tuple[RunCheck, ...], ...]:
+    """Return the checks of a lab together with its program, by phase: the rest of fit, reachability, feasibility.
+
+    Those of feasibility yield warnings only.
+    """
+    # Planner and engine double the start-up time of a world that is given no program to check.
+    from rmr_world.validate import (  # noqa: PLC0415
+        deadline_feasibility,
+        exclusion,
+        lab_lint,
+        program_fit,
+        reachability,
+        schedulability,
+    )
+
+    feasibility = (
+        *lab_lint.CHECKS,
+        *shape_fit.CHECKS,
+        *beacon_fit.LINT,
+        *deadline_feasibility.CHECKS,
+        *exclusion.CHECKS,
+        *schedulability.CHECKS,
+    )
+    return (*program_fit.CHECKS, reachability.stations_used), reachability.CHECKS, feasibility
 
 
 def lab_of(document: Document, path: Path) -> Lab:
@@ -31,11 +60,8 @@ def run_findings(lab: Lab, program: Program) -> list[Finding]:
 
     These are the errors of the first phase that has any, else the warnings of all phases.
     """
-    # Planner and engine double the start-up time of a world that is given no program to check.
-    from rmr_world.validate.run_phases import RUN_PHASES  # noqa: PLC0415
-
     found: list[Finding] = []
-    for checks in RUN_PHASES:
+    for checks in run_phases():
         found += [finding for check in checks for finding in check(lab, program)]
         errors = [finding for finding in found if not finding.is_warning]
         if errors:
