@@ -3,7 +3,7 @@
 The robots are the very nodes that a robot process hosts. Their radios share medium access and the rules of reception
 with those of processes, but live in one ether, where no announcement is late. The world advances at each 1/60 s tick;
 robots that stand still are sampled less often, as in processes. Robots whose program needs no bodies have none
-(`rmr_sim.bodies`).
+(`rmr_sim.simulated_robot`).
 """
 
 import heapq
@@ -25,10 +25,9 @@ from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
-from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event, EventError, FaultEvent, FaultRecord, call_observer, checked, instant
 from rmr_sim.robot_host import RobotHost
-from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
+from rmr_sim.simulated_robot import MakeNode, SimulatedRobot, needs_bodies
 from rmr_sim.violation import VIOLATIONS_MAX, Violation
 from rmr_world.disturbances import LINGER
 from rmr_world.lab import Lab, Restart
