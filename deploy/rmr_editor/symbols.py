@@ -16,8 +16,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
 from rmr.lang.analyse.names import FactRole, Signature
-from rmr.lang.analyse.type_spelling import declaration_text, type_text
-from rmr.lang.analyse.types import CALLABLE
+from rmr.lang.analyse.types import CALLABLE, declaration_text, type_text
 from rmr.lang.checker import STRATEGIES
 from rmr.lang.compiler import Compilation
 from rmr.lang.explain import explain

@@ -10,8 +10,7 @@ from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pa
 from rmr.bytecode.provided import PREDICATES
 from rmr.lang.analyse.folding import Folder
 from rmr.lang.analyse.names import meant
-from rmr.lang.analyse.type_spelling import declaration_text, type_text
-from rmr.lang.analyse.types import ROBOT, converted, fits, literal_type
+from rmr.lang.analyse.types import ROBOT, converted, declaration_text, fits, literal_type, type_text
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.parser import parse
 from rmr.lang.read.source_text import SourceText, Span

@@ -14,8 +14,7 @@ from rmr.lang.analyse.misspellings import Speller, lint_letters, lint_symbols
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
-from rmr.lang.analyse.type_spelling import declaration_text
-from rmr.lang.analyse.types import CALLABLE, WINNING, Types, constants, leaves
+from rmr.lang.analyse.types import CALLABLE, WINNING, Types, constants, declaration_text, leaves
 from rmr.lang.diagnostics.diagnostic import Diagnostics, WordHint
 from rmr.lang.read.syntax import (
     AggregateNode,

@@ -21,10 +21,9 @@ from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.bytecode.program import Base
-from rmr.lang.analyse.names import LETTERS_MAX, FactRole, Names, meant, uses
+from rmr.lang.analyse.names import LETTERS_MAX, Names, meant, uses
 from rmr.lang.analyse.supply import Supply
-from rmr.lang.analyse.type_spelling import SYNONYMS, declaration_text
-from rmr.lang.analyse.types import Types
+from rmr.lang.analyse.types import SYNONYMS, Types, declaration_text
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -166,8 +165,6 @@ LETTERS_MIN = 4
 SYMBOLS_MAX = 2000
 """Largest number of symbols of a program that is checked; more are generated."""
 
-_WRITING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
-
 
 @record
 class SymbolUse:
@@ -286,7 +283,7 @@ def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, Symbol
         for use in uses(item):
             fact = use.fact
             name = use.fact.name.text
-            written = use.role in _WRITING and fact.mark is not Mark.GOAL
+            written = use.role.derives and fact.mark is not Mark.GOAL
             cells = types.positions[name]
             for index, argument in enumerate(fact.arguments[1:], start=1):
                 key = _key(types, argument) or f"{name}/{index}"

@@ -13,8 +13,7 @@ from types import MappingProxyType
 from rmr.base.record import record
 from rmr.bytecode import provided
 from rmr.bytecode.program import Base, Best, Kind, Type
-from rmr.lang.analyse.type_spelling import declaration_text
-from rmr.lang.analyse.types import DRAWN, ORDERED, TIMED
+from rmr.lang.analyse.types import DRAWN, ORDERED, TIMED, declaration_text
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, Fix, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -72,6 +71,11 @@ class FactRole(Enum):
     START = auto()
     FINISH = auto()
     VIOLATION = auto()
+
+    @property
+    def derives(self) -> bool:
+        """Whether the program makes facts there; else it consumes them or waits for them."""
+        return self in {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 
 
 @record

@@ -30,11 +30,6 @@ from rmr.lang.read.syntax import (
     flat,
 )
 
-_DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
-"""Roles of facts that the program produces."""
-_READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
-"""Roles of facts that the program consumes or waits for."""
-
 Known = dict[str, Literal]
 """Variables that a rule equates with a constant, and the constant."""
 
@@ -73,11 +68,11 @@ class Supply:
         for item in module.items:
             known = constants(item.body) if isinstance(item, RuleItem) else {}
             for use in uses(item):
-                if use.role in _DERIVING and use.fact.mark is not Mark.GOAL:
+                if use.role.derives and use.fact.mark is not Mark.GOAL:
                     self._derived.setdefault(use.fact.name.text, []).append((use.fact, known))
                 if use.role in {FactRole.FACT, FactRole.EFFECT, FactRole.VIOLATION}:
                     self._begun.add(use.fact.name.text)
-                if use.role in _READING or use.fact.mark is Mark.GOAL:
+                if not use.role.derives or use.fact.mark is Mark.GOAL:
                     self._read.add(use.fact.name.text)
             if isinstance(item, RuleItem):
                 self.firings += _firings(item)

@@ -8,8 +8,19 @@ from collections.abc import Callable
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.type_spelling import SYNONYMS, type_text
-from rmr.lang.analyse.types import BOOL, INT, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described, fits
+from rmr.lang.analyse.types import (
+    BOOL,
+    INT,
+    NUMBERS,
+    ORDERED,
+    ROBOT,
+    SYNONYMS,
+    TypeCell,
+    compatible,
+    described,
+    fits,
+    type_text,
+)
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics, WordHint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Expression, Literal

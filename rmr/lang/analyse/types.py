@@ -1,7 +1,7 @@
 """The type lattice of inference, its cells, and the types of literals.
 
 Order, narrow to wide: open, int, float; open, symbol of no set, symbol of one set; lists as their items. All other
-types are comparable with open only.
+types are comparable with open only. Types and declarations are also written here in the syntax of the language.
 """
 
 from collections.abc import Iterator
@@ -11,9 +11,36 @@ from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.functions import FUNCTIONS, Gives
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Binary, Condition, Conjunct, Expression, FactNode, FoldNode, Literal, Variable
+
+SYNONYMS = {
+    "integer": "int",
+    "double": "float",
+    "real": "float",
+    "number": "float",
+    "boolean": "bool",
+    "str": "string",
+    "text": "string",
+}
+"""Names of the built-in types in other languages."""
+
+
+def type_text(kind: Type) -> str:
+    """Return `kind` in the syntax of the language; a symbol of no set is ``symbol``."""
+    if kind.base is Base.LIST:
+        return "list" if kind.element is None else f"list {type_text(kind.element)}"
+    if kind.base is Base.SYMBOL:
+        return kind.name or "symbol"
+    return kind.base.name.lower()
+
+
+def declaration_text(name: str, types: tuple[Type, ...], word: str) -> str:
+    """Return a declaration, such as ``type action moveto(robot, area).``"""
+
+    arguments = ", ".join(["robot", *(type_text(kind) for kind in types)])
+    return f"type {word}{name}({arguments})."
+
 
 OPEN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)

@@ -17,7 +17,7 @@ from rmr.bytecode.layout import FLAG_DEBUG, FLAG_ENSEMBLE, FLAG_TEXTUAL, MAGIC, 
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Duty, Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
-from rmr.lang.analyse.type_spelling import type_text
+from rmr.lang.analyse.types import type_text
 from rmr.lang.compiler import compile_source
 from rmr.vm import assertions, derive, goal_ways, goals, machine, match, once, ranks, rotor, underway, watches
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from rmr.bytecode import provided
-from rmr.lang.analyse.type_spelling import declaration_text
-from rmr.lang.analyse.types import CALLABLE
+from rmr.lang.analyse.types import CALLABLE, declaration_text
 from rmr.lang.compiler import compile_source
 from rmr.lang.pages import without_links
 from rmr.lang.read.tree_builder import RESERVED

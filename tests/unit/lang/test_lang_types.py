@@ -5,7 +5,7 @@ from lang_source import compiled, errors, places
 
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Kind
-from rmr.lang.analyse.type_spelling import type_text
+from rmr.lang.analyse.types import type_text
 from rmr.lang.compiler import compile_source
 
 
