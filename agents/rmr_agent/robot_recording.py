@@ -9,7 +9,7 @@ from rmr.bus import wire
 from rmr.bus.process_recorder import ProcessRecorder
 from rmr.mind.mind_log import MindSink
 from rmr.node.frame_log import FrameLog
-from rmr.node.observed import pose_of, route_of, status_of
+from rmr.node.report import pose_of, route_of, status_of
 from rmr.record.robot_observer import RobotObserver
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation

@@ -1,10 +1,10 @@
-"""One robot's part of the run's report, and the line that shows how it is getting on."""
+"""One robot's part of the run's report, the line that shows how it is getting on, and what a recording shows of it."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from rmr.base.geometry import Pose, hypot
+from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import Kind
@@ -184,3 +184,30 @@ def full_words(crossing: Crossing, inside: Sequence[int]) -> str:
         return ""
     robots = f"robot {inside[0]}" if len(inside) == 1 else "robots " + ", ".join(map(str, inside))
     return f"station {crossing.goal.name} is full: {robots}"
+
+
+def pose_of(node: ReportedNode) -> Pose | None:
+    """Return the pose that the robot believes to have; None while it does not know, or without a body."""
+    return None if node.driver is None else node.driver.localiser.pose
+
+
+def route_of(node: ReportedNode) -> Sequence[Point] | None:
+    """Return the points of the route that the robot follows; None without one."""
+    route = None if node.driver is None else node.driver.navigator.route
+    return None if route is None else route.points
+
+
+def status_of(node: ReportedNode, now: Instant, queue: int) -> dict[str, Any]:
+    """Return the robot's state; `queue` is the number of frames that wait for the channel."""
+    crossings = node.crossings
+    return {
+        "robot": node.robot,
+        "progress": progress(node, now),
+        "finished": node.finished(),
+        "leads": [
+            str(crossings.name_of(event) or event.hex())
+            for event, schedule in crossings.schedules.items()
+            if schedule.leader == node.robot
+        ],
+        "queue": queue,
+    }

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from rmr.base.time import Instant, in_seconds, seconds
 from rmr.node.frame_log import FrameLog
-from rmr.node.observed import pose_of, route_of, status_of
 from rmr.node.ports import Spoken
+from rmr.node.report import pose_of, route_of, status_of
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.links import Disturbance
 from rmr.record.foxglove_messages import grid, log_message, scene
