@@ -20,10 +20,10 @@ from rmr.eval.options import OptionError
 
 if TYPE_CHECKING:
     from rmr.bytecode.program import Program
-    from rmr.eval.deaths import Death
     from rmr.eval.ensemble import Conditions, Sink
     from rmr.eval.eval_report import EvaluatedRun
     from rmr.eval.given import Given, Wanted
+    from rmr.eval.options import Death
     from rmr.eval.topology import Topology
 
 PROGRESS_AFTER_S = 2.0
@@ -194,7 +194,7 @@ def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given
 
 
 def _deaths(kills: tuple[str, ...], restarts: tuple[str, ...], ids: dict[int, None]) -> "tuple[Death, ...]":
-    from rmr.eval.deaths import deaths
+    from rmr.eval.options import deaths
 
     try:
         return deaths(kills, restarts, ids)

@@ -18,10 +18,10 @@ from rmr.bytecode.codec import BytecodeError, encode
 from rmr.bytecode.program import Program, Strategy
 from rmr.eval import options
 from rmr.eval.column_run import ColumnRun, hindrance
-from rmr.eval.deaths import deaths
 from rmr.eval.ensemble import Conditions, Ensemble, Note, Sink
 from rmr.eval.eval_report import EvaluatedRun, reasons, report
 from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read_given, strangers
+from rmr.eval.options import deaths
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
 from rmr.lang.diagnostics.render import render_text, to_json

@@ -11,11 +11,11 @@ from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.base.time import Instant, tick_start
 from rmr.bytecode.program import Program
 from rmr.columns.columns import Columns, streams
-from rmr.eval.deaths import Death
 from rmr.eval.ensemble import FIRINGS_MAX, Conditions, most
 from rmr.eval.eval_ether import Messages
 from rmr.eval.eval_report import satisfied
 from rmr.eval.given import Given, Insertion
+from rmr.eval.options import Death
 from rmr.node.trace import rule_text
 from rmr.vm.machine import FIRING_BUDGET
 

@@ -22,7 +22,6 @@ from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Program
 from rmr.eval.acting import Acting
-from rmr.eval.deaths import Death
 from rmr.eval.eval_ether import LATENCY, EvalEther, Messages, frame_text
 from rmr.eval.eval_report import (
     dropped,
@@ -38,6 +37,7 @@ from rmr.eval.eval_report import (
     unmatched,
 )
 from rmr.eval.given import Given, Insertion, facts_by_owner, values
+from rmr.eval.options import Death
 from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
 from rmr.eval.acting import Acting
-from rmr.eval.deaths import Death
 from rmr.eval.eval_ether import LATENCY, EvalEther, Messages
 from rmr.eval.given import Insertion
+from rmr.eval.options import Death
 from rmr.eval.topology import Topology
 from rmr.node.report import job_entry, unsaved
 
