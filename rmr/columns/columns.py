@@ -14,8 +14,7 @@ from rmr.base.streams import Choices, stable_hash
 from rmr.base.time import in_seconds, tick_start
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot, Strategy
-from rmr.columns.block import Block, Follows, owned, stated_values
-from rmr.columns.column_layout import ColumnLayout
+from rmr.columns.block import Block, ColumnLayout, Follows, owned, stated_values
 from rmr.columns.numbers import Array, same, unless
 from rmr.columns.rules import MatchedRows, column_rules
 from rmr.vm.assertions import goal_text

@@ -17,8 +17,7 @@ from rmr.analysis.column_obstacles import Slots, fallible
 from rmr.analysis.straight_line import AND, BASES, CONST, IF, LOAD, NOTHING, OR, Operation, straight
 from rmr.base.values import Value
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, DeriveFact, Guard, Mode, Program, Rule, Steps
-from rmr.columns.block import Block, Follows
-from rmr.columns.column_layout import ColumnLayout
+from rmr.columns.block import Block, ColumnLayout, Follows
 from rmr.columns.numbers import WORK, Array, MaskedColumn, also, same
 from rmr.vm.match import plan_atom
 
