@@ -17,8 +17,7 @@ from rmr.mind.mind_replay import MindReplay
 from rmr.mind.recorded_minds import TOPIC, program_of
 from rmr.node.robot_state import ProgramBegun
 from rmr.node.trace import goal_text, rule_text
-from rmr.record.growing_recording import GrowingRecording
-from rmr.record.recording import RUN_FILE, Recording, open_recording, part_files
+from rmr.record.recording import RUN_FILE, GrowingRecording, Recording, open_recording, part_files
 from rmr.vm.machine import Machine
 from rmr.vm.provenance import ProvenanceLog, ToldRecord
 from rmr.vm.ranks import goal_key

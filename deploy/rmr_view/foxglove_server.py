@@ -31,9 +31,8 @@ from websockets.typing import Origin, Subprotocol
 from rmr.base.time import in_seconds, seconds
 from rmr.entry import ExitCode
 from rmr.record.channels import CHANNELS, schema_of
-from rmr.record.growing_recording import GrowingRecording
 from rmr.record.mcap_scan import RecordingError
-from rmr.record.recording import RUN_FILE, Message, RawMessage, Recording, open_recording
+from rmr.record.recording import RUN_FILE, GrowingRecording, Message, RawMessage, Recording, open_recording
 
 # ---- what the Foxglove server sends, and when: a recording played from its begin, or a run under way as it is recorded
 #

@@ -22,9 +22,8 @@ from rmr.bus.endpoint import BusError
 from rmr.bus.keys import ROBOT_ROLE, Keys, last_id
 from rmr.bus.session import Bus, open_when_there
 from rmr.radio.links import Disturbance
-from rmr.record.growing_recording import GrowingRecording
 from rmr.record.mcap_scan import RecordingError
-from rmr.record.recording import part_files
+from rmr.record.recording import GrowingRecording, part_files
 from rmr_deploy.active_runs import endpoint_of, lab_of_run, secret_of, under_way
 from rmr_deploy.disturb import ask_world
 from rmr_deploy.run_choice import FleetError

@@ -15,9 +15,8 @@ from launched import LABS, eventually
 from mcap.reader import make_reader
 
 from rmr.record.channels import CHANNELS, schema_of
-from rmr.record.growing_recording import GrowingRecording
 from rmr.record.joining import join_run
-from rmr.record.recording import open_recording
+from rmr.record.recording import GrowingRecording, open_recording
 
 DASH = LABS / "dash"
 

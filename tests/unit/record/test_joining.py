@@ -5,11 +5,10 @@ from mcap.reader import make_reader
 from record_maker import about, end_without_closing, trace, write_part
 
 from rmr.base.time import seconds
-from rmr.record.growing_recording import GrowingRecording
 from rmr.record.joining import NothingToDoError, join_files, join_run, recover
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
-from rmr.record.recording import open_recording
+from rmr.record.recording import GrowingRecording, open_recording
 
 
 @pytest.fixture
