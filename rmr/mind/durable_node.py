@@ -33,8 +33,7 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.mind import mind_format as form
 from rmr.mind.durable_actions import DurableActions
-from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import GraphMismatchError
+from rmr.mind.graph_restoration import GeneratedFunctions, GraphMismatchError
 from rmr.mind.journal import CALLS, HEADER, RESUMED, Journal, JournalError, JournalRecord
 from rmr.mind.mind_reader import MindCall, MindLogError, calls_of
 from rmr.mind.mind_versions import is_compiled

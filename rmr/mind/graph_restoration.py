@@ -2,6 +2,10 @@
 
 It makes objects of classes of `rmr` only, of modules that are loaded, by `__new__` without arguments, and sets their
 attributes. It calls nothing else, and imports nothing.
+
+A match may wait with the function that inserts what it derives, generated from the program (`rmr.vm.generate`). A state
+holds the name of such a function. It is made at its first use, and has a placeholder before: both have one name, and do
+the same.
 """
 
 import enum
@@ -13,7 +17,31 @@ from random import Random
 from typing import Any, Final
 
 from rmr.base.values import Robot, Symbol
-from rmr.mind.generated_functions import GeneratedFunctions
+
+
+class GeneratedFunctions:
+    """The generated functions of one machine's program; of an interpreted one there are none."""
+
+    def __init__(self, machine: object) -> None:
+        module: Any = getattr(type(machine), "module", None)
+        self._names: dict[str, Any] = {} if module is None else module.names
+
+    def name_of(self, function: Any) -> str | None:
+        """Return the name of a generated function, or of its placeholder; None for another one."""
+        # The placeholder of a function that has not been used.
+        if function.__qualname__ == "Module._first.<locals>.first":
+            held = dict(zip(function.__code__.co_freevars, function.__closure__, strict=True))
+            name = str(held["name"].cell_contents)
+        elif function.__globals__ is self._names:
+            name = function.__name__
+        else:
+            return None
+        return name if name in self._names else None
+
+    def function(self, name: str) -> Any:
+        """Return the function of that name, or its placeholder; None if the program has none."""
+        return self._names.get(name)
+
 
 PACKAGE: Final = "rmr."
 """Classes of which objects are made begin with it."""

@@ -30,8 +30,7 @@ from zlib import crc32
 import msgpack  # type: ignore[import-untyped]
 
 from rmr.base.values import INT_MIN, Robot, Symbol
-from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import PACKAGE, UNSET, GraphMismatchError, Restoration, named
+from rmr.mind.graph_restoration import PACKAGE, UNSET, GeneratedFunctions, GraphMismatchError, Restoration, named
 
 _ATOMS: Final = (type(None), bool, float, str, bytes)
 _CONTAINERS: Final = (tuple, list, dict, set, frozenset, deque, bytearray, str, int, float, bytes, Random)

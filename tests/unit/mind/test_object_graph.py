@@ -9,8 +9,7 @@ import pytest
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol
-from rmr.mind.generated_functions import GeneratedFunctions
-from rmr.mind.graph_restoration import GraphMismatchError
+from rmr.mind.graph_restoration import GeneratedFunctions, GraphMismatchError
 from rmr.mind.mind_versions import is_compiled
 from rmr.mind.object_graph import Skeleton, UnsavedError
 from rmr.node.actions.handle import Pause
