@@ -16,7 +16,7 @@ and actions of its earlier nodes stay in the report. A durable robot's node is b
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -42,7 +42,7 @@ from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr_world.lab import Lab
 
-SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range", "silent"})
+SENSED_BY_BODIES: Final = frozenset({"at", "pose", "obstacle", "neighbor", "range", "silent"})
 """Facts that need a body. Neighbors are known from hellos, which carry a position."""
 
 
