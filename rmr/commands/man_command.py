@@ -24,16 +24,22 @@ def _declare(parser: Parser) -> None:
 
 def _write(folder: Path) -> int:
     """Write the pages; return the exit code."""
-    pages = {f"{name.replace(' ', '-')}.1": page(name, *parts_of(text)) for name, text in helps()}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in pages.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        pages = write_pages(folder)
     except OSError as error:
         print(f"rmr man: {error.filename or folder}: {reason(error)}", file=sys.stderr)
         return ExitCode.USAGE
     print(f"{counted(len(pages), 'pages')} in {folder}")
     return ExitCode.OK
+
+
+def write_pages(folder: Path) -> list[Path]:
+    """Write a page for each command into `folder` and return the files. Raises OSError. A wheel brings them, too."""
+    pages = {folder / f"{name.replace(' ', '-')}.1": page(name, *parts_of(text)) for name, text in helps()}
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in pages.items():
+        file.write_text(text, encoding="utf-8")
+    return list(pages)
 
 
 def helps() -> Iterator[tuple[str, str]]:

@@ -1,9 +1,13 @@
 """The wheel: what it holds runs without the tree."""
 
+import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import urllib.request
+import venv
 import zipfile
 from pathlib import Path
 
@@ -15,15 +19,21 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return a folder with the content of the wheel, as an installer leaves it."""
+def wheel(tmp_path_factory):
+    """Return the file of the wheel, built of the tree."""
     folder = tmp_path_factory.mktemp("wheel")
     words = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
     environment = {name: value for name, value in os.environ.items() if name != "RMR_COMPILE"}
     subprocess.run(words, cwd=ROOT, check=True, capture_output=True, env=environment)
     [wheel] = folder.glob("rmr_robots-*-py3-none-any.whl")
-    zipfile.ZipFile(wheel).extractall(folder / "site")
-    return folder / "site"
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def site(wheel):
+    """Return a folder with the content of the wheel, as an installer leaves it."""
+    zipfile.ZipFile(wheel).extractall(wheel.parent / "site")
+    return wheel.parent / "site"
 
 
 def run(site, cwd, code, *words):
@@ -97,3 +107,57 @@ def test_wheel_packs_the_extension_for_an_editor(site, tmp_path):
     names = zipfile.ZipFile(tmp_path / "rmr.vsix").namelist()
     source = ROOT / "deploy" / "rmr_editor" / "vscode"
     assert {f"extension/{file.name}" for file in source.iterdir()} <= set(names)
+
+
+KEPT = re.compile(r"PIP_\w+|(https?|no)_proxy|SSL_CERT_FILE|REQUESTS_CA_BUNDLE", re.IGNORECASE)
+"""What pip may need to reach its index; nothing else of the environment is there."""
+
+
+@pytest.mark.timeout(300)
+def test_an_empty_machine_installs_the_wheel_and_goes_through_the_first_commands(wheel, tmp_path):
+    """`pip install`, then `rmr demo`, `new`, `sim` and `view`, in a new environment and without the tree."""
+    venv.create(tmp_path / "machine", with_pip=True)
+    commands, home = tmp_path / "machine" / "bin", tmp_path / "home"
+    home.mkdir()
+    environment = {name: value for name, value in os.environ.items() if KEPT.fullmatch(name)}
+    environment |= {"PATH": f"{commands}:/usr/bin:/bin", "HOME": str(home), "TMPDIR": str(tmp_path)}
+
+    def called(*words):
+        answer = subprocess.run(
+            [commands / words[0], *words[1:]], cwd=home, env=environment, capture_output=True, text=True, check=False
+        )
+        assert answer.returncode == 0, f"{words}\n{answer.stdout}\n{answer.stderr}"
+        return answer.stdout
+
+    called("pip", "install", "--quiet", str(wheel))
+    where = called("python", "-c", "import rmr, rmr_deploy; print(rmr.__file__, rmr_deploy.__file__)")
+    assert all(file.startswith(str(tmp_path / "machine")) for file in where.split())
+    called("rmr", "man", "pages")
+    brought = tmp_path / "machine" / "share" / "man" / "man1"
+    written = {file.name: file.read_text() for file in (home / "pages").iterdir()}
+    assert {"rmr.1", "rmr-sim.1", "rmr-world.1"} < written.keys()
+    assert {file.name: file.read_text() for file in brought.glob("rmr*.1")} == written
+    called("rmr", "demo", "--run", "demo", "--no-view")
+    report = json.loads((home / "demo" / "report.json").read_text())
+    assert (report["mode"], report["finished"], report["deadlines"]["met"]) == ("processes", True, 6)
+    assert "shop/lab.yaml" in called("rmr", "new", "shop")
+    assert json.loads(called("rmr", "sim", "shop", "--run", "simulated", "--json"))["finished"]
+    for run_folder in ("demo", "simulated"):
+        assert "equal" in called("rmr", "replay", run_folder)
+        told = viewed([commands / "rmr", "view", run_folder], home, environment)
+        assert (told["live"], told["robots"] != []) == (False, True)
+
+
+def viewed(words, cwd, environment):
+    """Return what the page of a run tells of it; its server ends in order at Ctrl-C."""
+    with subprocess.Popen(words, cwd=cwd, env=environment, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            address = next(found[0] for line in server.stdout if (found := re.search(r"http://[\d.]+:\d+/", line)))
+            with urllib.request.urlopen(address) as page:
+                assert b"<html" in page.read()
+            with urllib.request.urlopen(f"{address}api/run") as answer:
+                told = json.loads(answer.read())
+        finally:
+            server.send_signal(signal.SIGINT)
+        assert server.wait(20) == 0
+    return told
