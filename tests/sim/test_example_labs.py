@@ -21,6 +21,7 @@ TIER = {
     "aisles/through.yaml": pytest.mark.slow,
     "charging/lab.yaml": pytest.mark.slow,
     "crossing/lab.yaml": pytest.mark.medium,
+    "office/lab.yaml": pytest.mark.medium,
 }
 """The labs; a run of each is shared by the tests of one tier."""
 FILES = list(TIER)
@@ -132,3 +133,16 @@ def test_eight_robots_cross_the_intersection_one_at_a_time():
     turns = turns_of(simulation, "crossing()")
     assert len({robot for _, _, robot in turns}) == 8
     assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
+
+
+@pytest.mark.slow
+def test_robots_that_meet_in_the_hall_between_four_rooms_come_out_of_the_jam():
+    simulation, finished = ran("office/lab.yaml", 3)
+    assert finished
+    assert [violation.words for violation in simulation.violations] == []
+
+
+@pytest.mark.slow
+def test_a_robot_that_turns_round_in_a_door_comes_out_of_it():
+    _, finished = ran("office/lab.yaml", 6, chaos=True)
+    assert finished

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point
+from rmr.base.grid_path import GridPath
 from rmr.node.motion.astar import plan
 from rmr.node.motion.grid import off_goal
 from rmr.node.motion.keep_right import gated_route
@@ -32,11 +33,21 @@ def ordered_route(arena: Arena, start: Point, order: DriveOrder, parked: Sequenc
     if not order.through_gate:
         return leader_route(arena, start, order.goal, parked, through_gate=False)
     own = gated_route(arena, start, order.goal, parked, behind=order.behind, via=order.via)
-    if order.shared is None or own is None or own.gate_m is None:
+    if order.shared is None or own is None or own.gate_m is None or not _leads_on(arena, own, order.shared):
         return own  # a way that passes nothing is not shared
     route = follower_route(arena, start, order.goal, parked, order.shared, behind=order.behind)
     serves = route is None or (order.via in (None, route.passage) and route.passage == own.passage)
     return route if serves else own
+
+
+def _leads_on(arena: Arena, route: Route, shared: GridPath) -> bool:
+    """Return whether `shared` leads in the direction of `route`: a robot may have turned round since it was offered."""
+    cells = shared.cells()
+    first, last = (
+        route.project((column + 0.5) * arena.cell, (row + 0.5) * arena.cell, 0.0, route.length_m)
+        for column, row in (cells[0], cells[-1])
+    )
+    return first < last
 
 
 def is_barred(arena: Arena, start: Point, order: DriveOrder, parked: Sequence[Point]) -> bool:

@@ -13,7 +13,8 @@ from rmr.node.crossing.approach import Approach, departures
 from rmr.node.motion.gate import PUT_OFF_S, EntryGate
 from rmr.node.motion.leader_path import follower_route
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.route import leader_route
+from rmr.node.motion.replanning import ordered_route
+from rmr.node.motion.route import DriveOrder, leader_route
 from rmr.node.motion.standoff.refuge import clearing_spot
 
 MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))
@@ -152,6 +153,17 @@ def test_a_leader_shares_a_path_for_each_way():
         route = follower_route(TWOWAY, start, goal, (), path)
         assert route is not None
         assert route.way == way
+
+
+def test_who_turns_round_inside_follows_no_path_that_leads_back():
+    paths = Approach(Navigator(TWOWAY, 1)).shared(Pose(*LEFT, 0.0), RIGHT, TWOWAY.passages[0], 0)
+    inside = Point(1.35, 0.75)
+    routes = [
+        ordered_route(TWOWAY, inside, DriveOrder(LEFT, shared, True), ()) for shared in (None, paths[0], paths[1])
+    ]
+    assert None not in routes
+    assert routes[0] == routes[1]
+    assert routes[2].length_m < routes[0].length_m + 2.0 * TWOWAY.cell
 
 
 def test_departures_are_measured_from_the_mouth_of_the_way():
