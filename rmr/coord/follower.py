@@ -157,6 +157,9 @@ def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
         told = job.told == (job.request.release, job.request.duration)
         if c.timers[Timer.JOIN] == NEVER or (told and not was_listed):
             c.set(Timer.JOIN, _reminder(c, now))
+        # The question had an older estimate: a job whose robot waits elsewhere tells the new one without delay.
+        if not job.request.postpones and abs(job.request.release - job.told[0]) > c.timing.schedule.revision:
+            tell(c, now)
     elif c.joins == 0 and (c.untold or c.held.complete() or c.held.find(c.robot, job.trigger) is not None):
         c.joins = 1
         c.sooner(Timer.JOIN, now + c.spread(c.unlisted()))

@@ -5,6 +5,7 @@ return commands, which `rmr.node.crossing.crossings` carries out. A crossing kno
 robot may have any number of them at a time. To the action that serves the job it is the permit to begin.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -105,6 +106,8 @@ class Crossing:
     """How many steps with turns follow in the job."""
     takes: Duration = 0
     """How long its action takes, as far as is known; 0: the job has no earlier steps, and nobody asks."""
+    pace: Duration = 0
+    """How long the longest later step takes: a robot that goes sooner after another one only waits there."""
     ready_from: Instant = 0
     """When the steps before will be over, as far as is known."""
 
@@ -147,7 +150,14 @@ class Crossing:
     def deadline(self) -> Instant:
         """By when the robot wants to be clear of the resource, as the leader hears it."""
         demoted_at = self.late.demoted_at
-        return self.job.deadline - self.plan.after - self.later if demoted_at is None else demoted_at
+        if demoted_at is not None:
+            return demoted_at
+        return self.job.deadline - self.plan.after - self.later + self.reserved - self.plan.inside
+
+    @property
+    def reserved(self) -> Duration:
+        """How long the slot is: as long as the step, or the longest later one."""
+        return self.plan.inside if self.plan.gated else max(self.plan.inside, self.pace)
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""
@@ -277,10 +287,10 @@ class Crossing:
             self.plan = replace(plan, gated=True, passage=plan.passage or self.plan.passage)
         return self.renew(now, self.job, self.goal) if passes else []
 
-    def foresee(self, now: Instant, ready_from: Instant, later: Duration) -> list[Command]:
+    def foresee(self, now: Instant, ready_from: Instant, later: Sequence[Duration]) -> list[Command]:
         """Take over when the steps before will be over, and how long those after it take: the leader hears of it."""
         old = self.deadline
-        self.ready_from, self.later = ready_from, later
+        self.ready_from, self.later, self.pace = ready_from, sum(later), max(later, default=0)
         if not isinstance(self.phase, (Asking, Slotted)):
             return []
         release = max(now + self.plan.approach, ready_from)
@@ -376,7 +386,7 @@ class Crossing:
             group_id=self.group_id,
             trigger=self.trigger,
             release=self.release,
-            duration=plan.inside,
+            duration=self.reserved,
             deadline=self.deadline,
             headway=plan.headway,
             direction=plan.direction,

@@ -142,7 +142,7 @@ class Crossings:
         for crossing in sorted(steps, key=lambda each: -each.steps_later):
             before = [each.ends(now) for each in steps if each.steps_later > crossing.steps_later]
             takes = {each.steps_later: each.length for each in steps}
-            later = sum(time for place, time in takes.items() if place < crossing.steps_later)
+            later = [time for place, time in takes.items() if place < crossing.steps_later]
             ready_from = now if crossing.serving else max(before, default=0)
             passed_over = any(each.serving and each.steps_later < crossing.steps_later for each in steps)
             if passed_over and crossing.waits and not crossing.serving:
