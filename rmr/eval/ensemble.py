@@ -26,6 +26,7 @@ from rmr.eval.eval_ether import LATENCY, EvalEther, Messages, frame_text
 from rmr.eval.eval_report import (
     dropped,
     entry,
+    hopeless,
     lost_in_restarts,
     omitted,
     outstanding,
@@ -56,7 +57,7 @@ LOOK_EVERY = 256
 UNDELIVERED_MAX = 64
 """Distinct delivery failures whose names are kept; the report counts all of them."""
 REPEATS_MAX = 64
-"""Rules in livelock whose places are kept."""
+"""Rules in livelock whose places are kept, and jobs that cannot be in time."""
 RANGE_M = 1.0
 """Distance D of every fact `range(R, B, D)`: robots without bodies have no position."""
 
@@ -178,6 +179,7 @@ class Ensemble:
         """(source, destination, predicate, why) of what could not be delivered."""
         self.repeats: dict[tuple[int, str], int] = {}
         """(robot, rule): firings for the same facts, of rules that repeated themselves while a goal stayed open."""
+        self.hopeless: list[tuple[int, Note]] = []  # robots, and their words of jobs that cannot be in time
         self._digest = given.digest
         self._sink = sink
         self._stopping = False
@@ -297,7 +299,7 @@ class Ensemble:
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return the warnings of the run, by kind."""
         lost = undelivered(self), lost_in_restarts(self), unheard(self)
-        return *lost, dropped(self), repeating(self), unmatched(self), slowed(self), omitted(self)
+        return *lost, hopeless(self), dropped(self), repeating(self), unmatched(self), slowed(self), omitted(self)
 
     # ---- events
 
@@ -354,6 +356,8 @@ class Ensemble:
                 hosted.last_rule = note["rule"]
             elif what == "repeats" and len(self.repeats) < REPEATS_MAX:
                 self.repeats[hosted.robot, note["rule"]] = note["firings"]
+            elif what == "cannot_meet" and len(self.hopeless) < REPEATS_MAX:
+                self.hopeless.append((hosted.robot, note))
             elif what == "undelivered" and len(self.undelivered) < UNDELIVERED_MAX:
                 key = (hosted.robot, note["destination"], note["predicate"], note["why"])
                 self.undelivered[key] = None

@@ -47,6 +47,7 @@ class NodeRun(Protocol):
     repeats: dict[tuple[int, str], int]
     undelivered: dict[tuple[int, int, str, str], None]
     unheard: list[tuple[int, str]]
+    hopeless: list[tuple[int, dict[str, Any]]]
 
     @property
     def robots(self) -> Mapping[int, HostedNode]:
@@ -253,6 +254,13 @@ def repeating(ensemble: NodeRun) -> Iterator[str]:
             more = f" and {len(still) - 1} more" if len(still) > 1 else ""
             goals = f"goal {still[0]}{more} is open"
             yield f"robot {identity}: {goals}, and {rule} fired {firings} times for the same facts"
+
+
+def hopeless(ensemble: NodeRun) -> Iterator[str]:
+    """Yield the jobs whose deadline was nearer from the start than what their steps take."""
+    for robot, note in ensemble.hopeless:
+        needs = f"needs {note['needs_s']:g} s and has {note['left_s']:g} s"
+        yield f"robot {robot}: {note['job']} cannot be in time: it {needs}; the longest step is {note['step']}"
 
 
 def undelivered(ensemble: NodeRun) -> Iterator[str]:

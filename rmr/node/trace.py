@@ -88,6 +88,10 @@ EVENTS: Final[dict[str, TraceEvent]] = {
     "program": TraceEvent(
         ("digest", "facts", "ended"), "the robot has changed its program: how many facts it keeps, what has ended"
     ),
+    "cannot_meet": TraceEvent(
+        ("job", "step", "needs_s", "left_s"),
+        "no split of its time over the job's steps meets the deadline: the longest step, what all need, what is left",
+    ),
 }
 """Every word, with the fields of its entries."""
 

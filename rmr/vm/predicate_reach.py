@@ -8,10 +8,12 @@ from rmr.bytecode.program import Atom, Mode, Program
 class Reach:
     """Which predicates can follow from which, by one rule or action after another, as bit sets."""
 
-    __slots__ = ("_from",)
+    __slots__ = ("_beside", "_from")
 
     def __init__(self, program: Program) -> None:
         steps = [1 << index for index in range(len(program.predicates))]
+        self._beside = _beside(program)
+        """What one rule derives together with what starts a job, as bit sets, by the start fact's predicate."""
         for rule in program.rules:
             heads = 0
             for item in items(rule.head):
@@ -34,6 +36,23 @@ class Reach:
     def leads(self, one: int, other: int) -> bool:
         """Return whether `other` can follow from `one`; each follows from itself."""
         return bool(self._from[one] >> other & 1)
+
+    def begun(self, start: int, other: int) -> bool:
+        """Return whether `other` can follow from a job's `start`, or from what the firing derives that starts it."""
+        if self.leads(start, other):
+            return True
+        beside = self._beside[start]
+        return any(beside >> one & 1 and self.leads(one, other) for one in range(beside.bit_length()))
+
+
+def _beside(program: Program) -> dict[int, int]:
+    beside = {each.start.predicate: 1 << each.start.predicate for each in program.assertions}
+    for rule in program.rules if beside else ():
+        heads = dict.fromkeys([item.predicate for item in items(rule.head)])
+        for start in heads:
+            if start in beside:
+                beside[start] |= sum(1 << head for head in heads if not beside[start] >> head & 1)
+    return beside
 
 
 reach_of: ByIdentity[Program, Reach] = ByIdentity(Reach)

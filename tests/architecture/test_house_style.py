@@ -14,6 +14,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.bytecode.functions": "one table: a row for each function of the language, with its scalar function",
     "rmr.bytecode.program": "the data of the byte-code, one record for each construct",
     "rmr.commands.radio_command": "one command: the options of each experiment, its run, and the words of its results",
+    "rmr.eval.ensemble": "one run: its robots, the events from outside and what robots note share one state",
     "rmr.lang.analyse.names": "the symbol table and the checks of uses against it",
     "rmr.lang.lower.emitter": "one class, a method for each construct that has code",
     "rmr.lang.read.habits": "one table: a function for each form that other languages have",

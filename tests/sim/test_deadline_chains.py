@@ -1,5 +1,7 @@
 """One deadline for the whole job: chains of actions, several jobs of one robot, two doors in a row (paper II.C)."""
 
+from itertools import pairwise
+
 import pytest
 from lab_maker import small_lab, traced
 
@@ -52,10 +54,14 @@ done(R, _) -o 1.
 """
 
 
-def doors(folder, order):
+TWO_ROOMS = TWO_DOORS.replace("outer(R), inner(R)", "inner(R)")
+"""The same with a resource at each door: only the second action serves the job, the first one is a step before it."""
+
+
+def doors(folder, order, program=TWO_DOORS):
     simulation = small_lab(
         folder,
-        TWO_DOORS,
+        program,
         robots=3,
         actions=DOORS,
         finish="through(R)",
@@ -90,6 +96,19 @@ def test_two_doors_in_the_order_of_the_requests_are_late_and_each_door_tells_its
             assert step["time_ns"]["action"] == pytest.approx(1e9, abs=2e7)
             assert sum(step["time_ns"].values()) == step["end_ns"] - step["begin_ns"]
         assert sum(step["time_ns"]["turn"] for step in job["steps"]) > 1e9, "it was late for its turns"
+
+
+def test_two_rooms_in_a_row_have_turns_of_their_own_which_overlap(tmp_path):
+    """Each room has one robot at a time, a robot in one does not keep others from the other one."""
+    simulation = doors(tmp_path, Order.OURS, TWO_ROOMS)
+    assert [job["met"] for job in jobs_of(simulation).values()] == [True] * 3
+    within = {"first": [], "second": []}
+    for entry in sorted(traced(simulation, "action"), key=lambda each: each["t"]):
+        within[entry["action"].partition("(")[0]].append(entry)
+    for begun in within.values():
+        assert [entry["robot"] for entry in begun] == [3, 2, 1]
+        assert all(later["t"] - earlier["t"] >= 1.0 for earlier, later in pairwise(begun))
+    assert within["first"][1]["t"] < within["second"][0]["t"] + 1.0
 
 
 @pytest.mark.parametrize(("order", "met"), [("order deadline.", [True] * 3), ("", [True, True, False])])

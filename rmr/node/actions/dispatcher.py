@@ -114,6 +114,7 @@ class Permit(Protocol):
     """The robot's place in the schedule, from 1; 0 without one."""
     place: int
     """Its place among those that go the same direction."""
+    later: Duration  # what later steps take: it is due so much before the job's deadline
 
     @property
     def waits(self) -> bool:

@@ -5,10 +5,10 @@ divided: until the action was derived (`RULE`: rules, deliveries, other robots),
 the wheels were free (`WHEELS`), and until it ended (`DRIVE` with wheels, else `ACTION`). What comes after the last
 action is a step without one. The steps have neither gap nor overlap.
 
-An action serves a job if it can follow from the job's start fact, and the finish fact can follow from it or from a
-later step of its chain (``then``); by predicates alone, without values. The robot keeps instants only, and adds them up
-for the report. What the wheels did meanwhile, and what happened on other robots, is worked out from the recording by
-`rmr why RUN --missed`.
+An action serves a job if it can follow from the job's start fact, or from what the same firing derives, and the finish
+fact can follow from it or from a later step of its chain (``then``); by predicates alone, without values. The robot
+keeps instants only, and adds them up for the report. What the wheels did meanwhile, and what happened on other robots,
+is worked out from the recording by `rmr why RUN --missed`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from rmr.base.identity import ByIdentity
 from rmr.base.time import Duration, Instant
-from rmr.bytecode.program import Assertion, Program, Steps, When
+from rmr.bytecode.program import Program, Steps, When
 from rmr.node.actions.dispatcher import RunningAction
 from rmr.vm.job import TimedJob
 from rmr.vm.predicate_reach import reach_of
@@ -62,7 +62,7 @@ class JobSteps:
     def derived(self, program: Program, running: RunningAction, action: int, undecided: Sequence[TimedJob]) -> None:
         """Note an action that has been derived for the robot, while these jobs are undecided."""
         for job in undecided:
-            if not serves(program, job, action):
+            if not serves(program, job, action, beside=True):
                 continue
             actions = self._actions.get(job)
             if actions is None:
@@ -86,16 +86,28 @@ class JobSteps:
         for running in sorted(actions, key=lambda each: _until(each, end)):
             until = _until(running, end)
             if until > at:
-                entries.append(_entry(running.text(robot), at, until, dict(_times(running, at, until))))
+                due = None if running.permit is None else job.deadline - running.permit.later
+                entries.append(_entry(running.text(robot), at, until, due, dict(_times(running, at, until))))
                 at = until
         if at < end:
-            entries.append(_entry(None, at, end, {RULE: end - at}))
+            entries.append(_entry(None, at, end, job.deadline, {RULE: end - at}))
         return entries
 
 
-def serves(program: Program, job: TimedJob, action: int) -> bool:
-    """Return whether `action` can follow from the start of `job`, and its finish from that or a later step."""
-    return job.assertion >= 0 and may_serve(program, program.assertions[job.assertion], action)
+def serves(program: Program, job: TimedJob, action: int, *, beside: bool = False) -> bool:
+    """Return whether `action` can follow from the start of `job`, and its finish from that or a later step.
+
+    `beside`: also from what the firing derives that starts the job. Drives of that kind have no turn by its deadline:
+    with one, drawn labs met more deadlines and took longer.
+    """
+    if job.assertion < 0:
+        return False
+    assertion = program.assertions[job.assertion]
+    reach = reach_of(program)
+    if not (reach.begun if beside else reach.leads)(assertion.start.predicate, action):
+        return False
+    finish = assertion.finish.predicate
+    return any(reach.leads(each, finish) for each in (action, *_chained(program).later.get(action, ())))
 
 
 def led_to(program: Program, live: Sequence[TimedJob], action: int, *, scheduled: bool = True) -> list[TimedJob]:
@@ -106,16 +118,6 @@ def led_to(program: Program, live: Sequence[TimedJob], action: int, *, scheduled
     jobs = [job for job in live if not scheduled or program.assertions[job.assertion].scheduled]
     found = [job for job in jobs if serves(program, job, action)]
     return sorted(found, key=lambda job: (job.deadline, job.serial))
-
-
-def may_serve(program: Program, assertion: Assertion, action: int) -> bool:
-    """Return whether `action` can follow from the start fact of `assertion`, and its finish from that or a later
-    step."""
-    reach = reach_of(program)
-    if not reach.leads(assertion.start.predicate, action):
-        return False
-    finish = assertion.finish.predicate
-    return any(reach.leads(each, finish) for each in (action, *_chained(program).later.get(action, ())))
 
 
 def _until(running: RunningAction, end: Instant) -> Instant:
@@ -134,5 +136,7 @@ def _times(running: RunningAction, at: Instant, until: Instant) -> Iterator[tupl
             at = reached
 
 
-def _entry(action: str | None, begin: Instant, end: Instant, times: dict[str, Duration]) -> dict[str, Any]:
-    return {"action": action, "begin_ns": begin, "end_ns": end, "time_ns": times}
+def _entry(
+    action: str | None, begin: Instant, end: Instant, due: Instant | None, times: dict[str, Duration]
+) -> dict[str, Any]:
+    return {"action": action, "begin_ns": begin, "end_ns": end, "due_ns": due, "time_ns": times}

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from rmr.analysis.servers import EarlierStep
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
-from rmr.base.time import NEVER, Duration, Instant
+from rmr.base.time import NEVER, Duration, Instant, in_seconds
 from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
@@ -92,6 +92,7 @@ class Crossings:
             asking.append(self._contend(now, job, goal))
         if len(asking) > 1:
             self._foresee(now, job)
+            self._tell_if_hopeless(now, job, asking)
         for crossing in asking:
             self._ask(now, crossing)
 
@@ -150,6 +151,15 @@ class Crossings:
             else:
                 commands = crossing.foresee(now, ready_from, later)
             self._executor.execute(now, crossing, commands)
+
+    def _tell_if_hopeless(self, now: Instant, job: TimedJob, steps: Sequence[Crossing]) -> None:
+        """Tell at once of a deadline that is nearer than the least that the steps take, one after the other."""
+        takes = {each.steps_later: each.length for each in steps}
+        needs = sum(takes.values())
+        if now + needs > job.deadline:
+            longest = max(steps, key=lambda each: each.length).told
+            times = {"needs_s": in_seconds(needs), "left_s": in_seconds(job.deadline - now)}
+            self._robot.trace(now, "cannot_meet", job=job.text, step=longest, **times)
 
     def _add(self, crossing: Crossing) -> Crossing:
         self._forget(self._table.add(crossing))

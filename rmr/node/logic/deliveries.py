@@ -303,7 +303,8 @@ def delivery_text(program: Program, delivery: Delivery, source: int, destination
 
 # ---- deadlines of deliveries: what serves a time-bounded job inherits its deadline, on every robot that it passes
 #
-# A job is at its robot the reason for what can follow from its start fact and lead to its finish fact (`Reach`).
+# A job is at its robot the reason for what can follow from its start fact, or from what is derived with that, and lead
+# to its finish fact (`Reach`).
 # What leaves the robot for that reason bears the job's deadline on the air. At the receiver whatever can follow
 # from it bears it again. A robot asked to report a finish fact gives the deadline to what can lead to that fact.
 #
@@ -367,7 +368,7 @@ class Deadlines:
             return False
         assertion = self._program.assertions[job.assertion]
         reach = reach_of(self._program)
-        follows = reach.leads(assertion.start.predicate, delivery.index)
+        follows = reach.begun(assertion.start.predicate, delivery.index)
         return follows and reach.leads(delivery.index, assertion.finish.predicate)
 
     def _handed_down(self, now: Instant, predicate: int) -> Iterator[Instant]:
