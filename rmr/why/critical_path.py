@@ -284,7 +284,7 @@ class CriticalPath:
         """From an action's end over its run and its waits to what derived it."""
         robot = mind.robot
         text = self._text(robot, action)
-        self._actions.append(PathAction(self._cursor, robot, text))
+        self._actions.append(PathAction(self._cursor, robot, text, action))
         if action.begun is not None:
             if action.predicate in mind.wheels:
                 self._cover_drive(action.begun, robot, action)

@@ -7,11 +7,12 @@ a step without one. So the steps have neither gap nor overlap, and their sum is 
 
 from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.node.standstill import Motion
 from rmr.vm.job import TimedJob
+from rmr.why.past_items import PastAction
 
 
 class TimeOwner(Enum):
@@ -130,6 +131,8 @@ class PathAction(NamedTuple):
     """When the path has left it: its end, or the end of the job's time."""
     robot: int
     text: str
+    action: PastAction | None = None
+    """As its robot knew it; None: no action, but what came after the last one."""
 
 
 class Delay(NamedTuple):
@@ -162,13 +165,28 @@ class DelayStep(NamedTuple):
     text: str
     """The action; of the rest, words."""
     is_action: bool
-    owners: tuple[tuple[TimeOwner, Duration], ...]
-    """What the job waited for meanwhile, the largest first."""
+    owners: tuple[tuple[TimeOwner, tuple[int, ...], Duration], ...]
+    """What the job waited for meanwhile, the largest first, with the other robots of turns, standing and queues."""
+    begun: Instant | None
+    """When the action began; None: it had not, or there is none."""
+    due: Instant | None
+    """By when the step had to end, so that the later ones had their time; None: its action had no turn of the job."""
+    ended: bool
+    """Whether the step was over by `end`."""
 
     @property
     def duration(self) -> Duration:
         """Nanoseconds."""
         return self.end - self.begin
+
+    @property
+    def lateness(self) -> int | None:
+        """Nanoseconds by which the step ended after it was due, negative if it was early; None: not known."""
+        return self.end - self.due if self.ended and self.due is not None else None
+
+
+BY_ROBOT: Final = frozenset({TimeOwner.TURN, TimeOwner.STANDING, TimeOwner.QUEUE})
+"""Owners whose time is added up by the other robot, whatever the rule."""
 
 
 def steps_of(delay: Delay) -> tuple[DelayStep, ...]:
@@ -180,16 +198,24 @@ def steps_of(delay: Delay) -> tuple[DelayStep, ...]:
     begin = delay.job.start
     for action in ends:
         if action.end > begin:
-            steps.append(_step(delay, begin, action, is_action=action in delay.actions))
+            steps.append(_step(delay, begin, action))
             begin = action.end
     return tuple(steps)
 
 
-def _step(delay: Delay, begin: Instant, action: PathAction, *, is_action: bool) -> DelayStep:
-    owners: dict[TimeOwner, Duration] = {}
-    for interval in cut_at(cut_at(delay.intervals, begin), action.end):
-        if begin <= interval.begin < action.end:
-            owners[interval.owner] = owners.get(interval.owner, 0) + interval.duration
-    largest = sorted(owners.items(), key=lambda each: -each[1])
-    text = action.text or "no action"
-    return DelayStep(begin, action.end, action.robot, text, is_action, tuple(largest))
+def _step(delay: Delay, begin: Instant, path: PathAction) -> DelayStep:
+    owners: dict[tuple[TimeOwner, tuple[int, ...]], Duration] = {}
+    for interval in cut_at(cut_at(delay.intervals, begin), path.end):
+        if begin <= interval.begin < path.end:
+            of = interval.owner, interval.whom if interval.owner in BY_ROBOT else ()
+            owners[of] = owners.get(of, 0) + interval.duration
+    largest = sorted(((*of, time) for of, time in owners.items()), key=lambda each: -each[2])
+    text = path.text or "no action"
+    action = path.action
+    if action is None:
+        over = delay.learned is not None
+        return DelayStep(begin, path.end, path.robot, text, False, tuple(largest), None, delay.job.deadline, over)
+    begun = action.begun if action.begun is not None and action.begun <= path.end else None
+    due = action.due if action.job is delay.job else None
+    ended = action.ended is not None and action.ended <= path.end
+    return DelayStep(begin, path.end, path.robot, text, True, tuple(largest), begun, due, ended)

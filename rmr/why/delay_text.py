@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, in_seconds
-from rmr.why.delay import Delay, Interval, TimeOwner, steps_of
+from rmr.why.delay import BY_ROBOT, Delay, DelayStep, Interval, TimeOwner, steps_of
 from rmr.why.robot_history import LostDelivery
 
 UNDELIVERED_SHOWN: Final = 3
@@ -24,17 +24,13 @@ def shares(delay: Delay) -> list[Share]:
     """Return the time by owner and reason, the largest first; of equal ones the earliest."""
     found: dict[tuple[TimeOwner, int, tuple[int, ...], str], list[Interval]] = {}
     for interval in delay.intervals:
-        detail = "" if interval.whom and interval.owner in _BY_ROBOT else interval.detail
+        detail = "" if interval.whom and interval.owner in BY_ROBOT else interval.detail
         found.setdefault((interval.owner, interval.robot, interval.whom, detail), []).append(interval)
     made = [
         Share(group[0].owner, _words(delay, group), sum(each.duration for each in group), len(group))
         for group in found.values()
     ]
     return sorted(made, key=lambda share: -share.duration)
-
-
-_BY_ROBOT: Final = frozenset({TimeOwner.TURN, TimeOwner.STANDING, TimeOwner.QUEUE})
-"""Owners whose time is added up by the other robot, whatever the rule."""
 
 
 def delay_text(delay: Delay, *, timeline: bool = False) -> str:
@@ -59,18 +55,30 @@ def delay_text(delay: Delay, *, timeline: bool = False) -> str:
 
 
 def _steps_text(delay: Delay) -> list[str]:
-    """Return the steps of a job that has several: when each ended, its time, and what that went into."""
+    """Return the steps of a job that has several: by when each was due, when it ended, and what its time went into."""
     steps = steps_of(delay)
     if len(steps) < 2:
         return []
-    lines = ["by step, until it ended:"]
-    for step in steps:
-        whose = "" if step.robot == delay.robot else f"robot {step.robot}: "
-        times = ", ".join(f"{owner.value} {in_seconds(time):.3f} s" for owner, time in step.owners)
-        lines.append(
-            f"  {in_seconds(step.end):9.3f} s  {in_seconds(step.duration):8.3f} s  {whose}{step.text}: {times}"
-        )
-    return lines
+    return ["by step:", "        due       began       ended        late", *[_step_text(delay, step) for step in steps]]
+
+
+def _step_text(delay: Delay, step: DelayStep) -> str:
+    late = "-" if step.lateness is None else f"{in_seconds(step.lateness):+.3f} s"
+    ended = f"{in_seconds(step.end):.3f} s" if step.ended else "-"
+    at = [*["-" if each is None else f"{in_seconds(each):.3f} s" for each in (step.due, step.begun)], ended, late]
+    whose = "" if step.robot == delay.robot else f"robot {step.robot}: "
+    times = ", ".join(_time(*each) for each in step.owners)
+    return f"{''.join(f'{each:>11} ' for each in at)} {whose}{step.text}: {times}"
+
+
+def _time(owner: TimeOwner, whom: Sequence[int], time: Duration) -> str:
+    """Return what somebody waited for, with the other robots, and for how long."""
+    return " ".join(filter(None, [owner.value, _others(owner, whom), f"{in_seconds(time):.3f} s"]))
+
+
+def _others(owner: TimeOwner, whom: Sequence[int]) -> str:
+    robots = f"robot{'s' if len(whom) > 1 else ''} {', '.join(map(str, whom))}" if whom else ""
+    return f"{_PREPOSITIONS[owner]} {robots}" if whom and owner in _PREPOSITIONS else ""
 
 
 def heading(delay: Delay) -> str:
@@ -151,11 +159,17 @@ def delay_data(delay: Delay) -> dict[str, Any]:
         "steps": [
             {
                 "begin_ns": step.begin,
+                "begun_ns": step.begun,
                 "end_ns": step.end,
+                "due_ns": step.due,
+                "late_ns": step.lateness,
                 "s": in_seconds(step.duration),
                 "robot": step.robot,
                 "action": step.text if step.is_action else None,
-                "owners": [{"owner": owner.value, "s": in_seconds(time), "ns": time} for owner, time in step.owners],
+                "owners": [
+                    {"owner": owner.value, "whom": list(whom), "s": in_seconds(time), "ns": time}
+                    for owner, whom, time in step.owners
+                ],
             }
             for step in steps_of(delay)
         ],
@@ -191,7 +205,7 @@ def _after_deadline(delay: Delay) -> str:
 
 def _short(share: Share) -> str:
     """Return a share on one line with others."""
-    words = share.words.split(" (")[0] if share.owner in _BY_ROBOT else ""
+    words = share.words.split(" (")[0] if share.owner in BY_ROBOT else ""
     return " ".join(filter(None, [share.owner.value, words, f"{in_seconds(share.duration):.3f} s"]))
 
 
@@ -203,11 +217,10 @@ def _words(delay: Delay, intervals: Sequence[Interval]) -> str:
     whose = "" if first.robot in (delay.robot, 0) else f"robot {first.robot}: "
     if not first.whom:
         return whose + details
-    others = f"robot{'s' if len(first.whom) > 1 else ''} {', '.join(map(str, first.whom))}"
-    preposition = _PREPOSITIONS.get(first.owner)
-    if preposition is None:
+    others = _others(first.owner, first.whom)
+    if not others:
         return f"{whose}{details}"
-    return f"{whose}{preposition} {others}" + (f" ({details})" if details else "")
+    return f"{whose}{others}" + (f" ({details})" if details else "")
 
 
 def _details(intervals: Sequence[Interval]) -> Iterator[str]:

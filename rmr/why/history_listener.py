@@ -195,6 +195,7 @@ class HistoryListener:
                 action = self._mind.actions.get(running.serial)
                 if action is None or action.executor != self._robot:
                     continue
+                action.job, action.due = running.job, running.due
                 crossing = gate_of(running)
                 if crossing is not None:
                     self._take_gate(now, action, crossing)

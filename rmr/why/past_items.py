@@ -75,6 +75,10 @@ class PastAction:
     """The resources for whose turn it waited, one after the other; empty if it needed none."""
     waits: list[tuple[Instant, str]] = field(default_factory=list)
     """Before it began, from when on it was ``held`` (for its turn) or ``queued`` (for the wheels)."""
+    job: TimedJob | None = None
+    """The one that had the turn by which it went."""
+    due: Instant = NEVER
+    """By when it had to end, so that the later steps of that job had their time."""
 
     def under_way_at(self, now: Instant) -> bool:
         """Return whether it had begun and not ended before `now`."""

@@ -111,6 +111,19 @@ def test_two_rooms_in_a_row_have_turns_of_their_own_which_overlap(tmp_path):
     assert within["first"][1]["t"] < within["second"][0]["t"] + 1.0
 
 
+def test_two_rooms_in_the_order_of_the_requests_tell_the_lateness_of_each_and_who_was_inside(tmp_path):
+    late = {robot: job for robot, job in jobs_of(doors(tmp_path, Order.FCFS, TWO_ROOMS)).items() if not job["met"]}
+    assert list(late) == ["3"]
+    first, second = late["3"]["steps"]
+    assert first["due_ns"] == pytest.approx(3e9, abs=2e7), "the second room takes a second"
+    assert second["due_ns"] == 4e9
+    for step in (first, second):
+        assert step["late_ns"] == step["end_ns"] - step["due_ns"]
+        assert step["end_ns"] - step["begun_ns"] == pytest.approx(1e9, abs=2e7)
+    assert (first["late_ns"] < 0, first["behind"]) == (True, []), "it was the first in the first room"
+    assert (second["late_ns"] > 2e9, second["behind"]) == (True, [1, 2])
+
+
 @pytest.mark.parametrize(("order", "met"), [("order deadline.", [True] * 3), ("", [True, True, False])])
 def test_three_orders_of_one_robot_are_in_time_in_the_order_of_their_deadlines_alone(tmp_path, order, met):
     simulation = small_lab(tmp_path, ORDERS.replace("ORDER", order), actions=FETCH, duration="8s")

@@ -48,8 +48,9 @@ def check_steps(delay: Delay) -> None:
     owners: Counter[TimeOwner] = Counter()
     for step in steps_of(delay):
         assert (step.begin, step.begin < step.end) == (at, True), step
-        assert sum(time for _, time in step.owners) == step.duration, step
-        owners.update(dict(step.owners))
+        assert sum(time for *_, time in step.owners) == step.duration, step
+        for owner, _, time in step.owners:
+            owners[owner] += time
         at = step.end
     assert at == delay.end
     wanted: Counter[TimeOwner] = Counter()

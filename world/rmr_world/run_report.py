@@ -178,6 +178,8 @@ class JobRow(NamedTuple):
     """The finish fact; empty for a robot without a job."""
     fate: Fate | None = None
     """What became of a robot whose process had ended at the end of the run."""
+    steps: Sequence[Mapping[str, Any]] = ()
+    """Of a missed job with several steps that had turns: these steps."""
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Return the line as texts under COLUMNS."""
@@ -202,7 +204,10 @@ def rows(report: Mapping[str, Any]) -> list[JobRow]:
             finish = job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
             robot = int(name)
-            found.append(JobRow(robot, deadline, finish, lateness, job["met"], job["job"], fates.get(robot)))
+            steps = [step for step in job.get("steps", ()) if step["due_ns"] is not None and step["action"] is not None]
+            fate = fates.get(robot)
+            row = JobRow(robot, deadline, finish, lateness, job["met"], job["job"], fate, steps if steps[1:] else ())
+            found.append(row)
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
 
 
@@ -238,14 +243,30 @@ def _fates(report: Mapping[str, Any]) -> dict[int, Fate]:
 
 
 def table_text(report: Mapping[str, Any]) -> str:
-    """Return the table and the summary as plain text."""
-    lines = [COLUMNS, *table_rows(report)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS))]
-    table = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
-    if several_jobs(report):
-        jobs = ["job", *(row.job for row in rows(report))]
-        table = [f"{line}  {job}".rstrip() for line, job in zip(table, jobs, strict=True)]
-    return "\n".join([*table, summary(report)])
+    """Return the table and the summary as plain text; missed jobs with several contended steps step by step."""
+    several = several_jobs(report)
+    lines: list[tuple[tuple[str, str, str, str, str], str]] = [(COLUMNS, "job" if several else "")]
+    for row in rows(report):
+        lines.append((row.cells(), row.job if several else ""))
+        lines += [_step_line(step) for step in row.steps[:8]]
+    widths = [max(len(cells[k]) for cells, _ in lines) for k in range(len(COLUMNS))]
+    table = ["  ".join(map(str.rjust, cells, widths)) + f"  {words}" for cells, words in lines]
+    return "\n".join([*(line.rstrip() for line in table), summary(report)])
+
+
+def _step_line(step: Mapping[str, Any]) -> tuple[tuple[str, str, str, str, str], str]:
+    """Return a step of a job under COLUMNS, and what it was, with what its time went into."""
+    behind = f" behind {_robots(step['behind'])}" if step["behind"] else ""
+    largest = sorted(step["time_ns"].items(), key=lambda each: -each[1])
+    times = (f"{word}{behind if word == 'turn' else ''} {time / 1e9:.2f} s" for word, time in largest)
+    late = step["late_ns"]
+    end = _seconds(None if late is None else step["end_ns"] / 1e9)
+    cells = "step", _seconds(step["due_ns"] / 1e9), end, "-" if late is None else f"{late / 1e9:+.2f} s", ""
+    return cells, f"{step['action']}: {', '.join(times)}"
+
+
+def _robots(identities: Sequence[int]) -> str:
+    return f"robot{'s' if len(identities) > 1 else ''} {', '.join(map(str, identities))}"
 
 
 # ---- upper bound of the number of deadlines that any schedule could have met, to compare a run's misses with

@@ -21,6 +21,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
+from rmr.vm.job import TimedJob
 
 __all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "RunningAction", "action"]
 
@@ -114,7 +115,6 @@ class Permit(Protocol):
     """The robot's place in the schedule, from 1; 0 without one."""
     place: int
     """Its place among those that go the same direction."""
-    later: Duration  # what later steps take: it is due so much before the job's deadline
 
     @property
     def waits(self) -> bool:
@@ -134,10 +134,8 @@ class RunningAction:
     handler: Handler
     permit: Permit | None = None  # None: it serves no job and need not wait
     derived: Instant = 0
-    missed: int | None = None
-    """The assertion whose missed deadline derived it."""
-    origin: tuple[int, int] | None = None
-    """Another robot waits for its end: that robot, and the number by which it knows the action."""
+    missed: int | None = None  # the assertion whose missed deadline derived it
+    origin: tuple[int, int] | None = None  # a robot that waits for its end, and the number by which that knows it
     admitted: Instant | None = None  # to the wheels' queue, or to its beginning: it waits for no permit
     started: Instant | None = None
     ended: Instant | None = None
@@ -146,8 +144,10 @@ class RunningAction:
     pause: Pause = field(default_factory=lambda: Pause(0))
     over: bool = False
     gate: Permit | None = None  # its turn at a passage on its way, if that is not its permit
-    raised: tuple[str, ...] = ()
-    """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
+    job: TimedJob | None = None  # the one that its permit is of
+    due: Instant = NEVER  # by when it has to end, so that the later steps of that job have their time
+    behind: tuple[int, ...] = ()  # the robots that had the resource while it waited, in their order
+    raised: tuple[str, ...] = ()  # the lines of the traceback, if its handler raised anything but ActionFailed
 
     def held(self, now: Instant) -> bool:
         """Return whether the action has to wait for its permit."""

@@ -59,9 +59,9 @@ class JobSteps:
     def __init__(self) -> None:
         self._actions: dict[TimedJob, list[RunningAction]] = {}
 
-    def derived(self, program: Program, running: RunningAction, action: int, undecided: Sequence[TimedJob]) -> None:
-        """Note an action that has been derived for the robot, while these jobs are undecided."""
-        for job in undecided:
+    def derived(self, program: Program, running: RunningAction, action: int, live: Sequence[TimedJob]) -> None:
+        """Note an action that has been derived for the robot, while these jobs have no finish."""
+        for job in live:
             if not serves(program, job, action, beside=True):
                 continue
             actions = self._actions.get(job)
@@ -86,11 +86,12 @@ class JobSteps:
         for running in sorted(actions, key=lambda each: _until(each, end)):
             until = _until(running, end)
             if until > at:
-                due = None if running.permit is None else job.deadline - running.permit.later
-                entries.append(_entry(running.text(robot), at, until, due, dict(_times(running, at, until))))
+                entries.append(_entry(robot, job, running, at, until))
                 at = until
         if at < end:
-            entries.append(_entry(None, at, end, job.deadline, {RULE: end - at}))
+            late = None if job.finish is None else end - job.deadline
+            step = {"action": None, "begin_ns": at, "begun_ns": None, "end_ns": end, "due_ns": job.deadline}
+            entries.append({**step, "late_ns": late, "behind": [], "time_ns": {RULE: end - at}})
         return entries
 
 
@@ -136,7 +137,17 @@ def _times(running: RunningAction, at: Instant, until: Instant) -> Iterator[tupl
             at = reached
 
 
-def _entry(
-    action: str | None, begin: Instant, end: Instant, due: Instant | None, times: dict[str, Duration]
-) -> dict[str, Any]:
-    return {"action": action, "begin_ns": begin, "end_ns": end, "due_ns": due, "time_ns": times}
+def _entry(robot: int, job: TimedJob, running: RunningAction, at: Instant, until: Instant) -> dict[str, Any]:
+    due = running.due if running.job is job else None
+    ended = running.ended is not None and running.ended <= until
+    times = dict(_times(running, at, until))
+    return {
+        "action": running.text(robot),
+        "begin_ns": at,
+        "begun_ns": running.started if running.started is not None and running.started <= until else None,
+        "end_ns": until,
+        "due_ns": due,
+        "late_ns": until - due if due is not None and ended else None,
+        "behind": list(running.behind) if TURN in times else [],
+        "time_ns": times,
+    }

@@ -152,7 +152,12 @@ class Crossing:
         demoted_at = self.late.demoted_at
         if demoted_at is not None:
             return demoted_at
-        return self.job.deadline - self.plan.after - self.later + self.reserved - self.plan.inside
+        return self.due - self.plan.after + self.reserved - self.plan.inside
+
+    @property
+    def due(self) -> Instant:
+        """By when the actions that go by it have to end: later steps of the job have the time until its deadline."""
+        return self.job.deadline - self.later
 
     @property
     def reserved(self) -> Duration:

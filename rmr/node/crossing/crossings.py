@@ -150,6 +150,9 @@ class Crossings:
                 commands = crossing.finish()  # it asks again when it is derived after all
             else:
                 commands = crossing.foresee(now, ready_from, later)
+                for running in crossing.serving:
+                    running.job = job
+                    running.due = crossing.due
             self._executor.execute(now, crossing, commands)
 
     def _tell_if_hopeless(self, now: Instant, job: TimedJob, steps: Sequence[Crossing]) -> None:
@@ -389,6 +392,8 @@ class Crossings:
         crossing = self.crossing(running)
         if crossing is not None:
             crossing.serving.append(running)
+            running.job = crossing.job
+            running.due = crossing.due
 
     def action_ended(self, now: Instant, running: RunningAction, *, failed: bool) -> None:
         """Handle the end of an action; where several serve a crossing, the last one ends it."""
@@ -491,7 +496,10 @@ class Crossings:
             if not prepared:
                 self._ask(now, crossing)
             if crossing.waits:
-                self._making_room.step(now, crossing, self.inside(now, crossing), wanted)
+                inside = self.inside(now, crossing)
+                self._making_room.step(now, crossing, inside, wanted)
+                for running in crossing.serving if inside else ():
+                    running.behind = tuple(dict.fromkeys([*running.behind, *inside]))
             wake = crossing.next_wake
             soonest = wake if wake < soonest else soonest
         self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER

@@ -186,14 +186,13 @@ class MachineRunner:
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
         then = self._machine.steps_after(event.serial)
-        permit = self._crossings.permit(now, jobs, self._machine.live_jobs(), event, then)
+        live = self._machine.live_jobs()
+        permit = self._crossings.permit(now, jobs, live, event, then)
         handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
         if self._program.assertions:
-            self._state.action_log.steps.derived(
-                self._program, running, event.predicate, self._machine.undecided_jobs()
-            )
+            self._state.action_log.steps.derived(self._program, running, event.predicate, live)
         crossing = self._crossings.crossing(running)
         if crossing is not None and running.held(now):
             self._state.tell(ActionHeld(event.serial, crossing.told))

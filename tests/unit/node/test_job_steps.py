@@ -30,8 +30,10 @@ class Steps:
         self.job = new_job(finish)
         self.steps = JobSteps()
 
-    def add(self, name, *args, at=(), wheels=False, jobs=None):
-        running = RunningAction(1, name, args, Handler(name, nothing, wheels=wheels))
+    def add(self, name, *args, at=(), wheels=False, jobs=None, due=None, behind=()):
+        running = RunningAction(1, name, args, Handler(name, nothing, wheels=wheels), behind=behind)
+        if due is not None:
+            running.job, running.due = self.job, seconds(due)
         stages = [*[None if each is None else seconds(each) for each in at], None, None, None, None]
         running.derived, running.admitted, running.started, running.ended = stages[:4]
         action = self.program.index(name)
@@ -100,6 +102,26 @@ def test_action_that_waits_for_the_wheels_is_told_so():
     steps = Steps(finish=None)
     steps.add("to", 2, at=(0, 3), wheels=True)
     assert steps.told() == [("to(@1, 2)", 0, 8, {"turn": 3, "wheels": 5})]
+
+
+def test_step_with_a_turn_tells_when_it_was_due_how_late_it_was_and_who_held_it():
+    steps = Steps()
+    steps.add("to", 1, at=(0, 3, 3, 5), due=4, behind=(2, 3))
+    steps.add("to", 2, at=(5, 5, 5, 10), due=8, behind=(2,))
+    first, second = steps.steps.entries(1, steps.job, seconds(20))
+    assert (first["due_ns"], first["begun_ns"], first["late_ns"]) == (seconds(4), seconds(3), seconds(1))
+    assert (first["behind"], second["behind"]) == ([2, 3], []), "the second one did not wait"
+    assert second["late_ns"] == seconds(2)
+
+
+def test_step_without_a_turn_of_the_job_or_without_an_end_has_no_lateness():
+    steps = Steps(finish=None)
+    steps.add("rest", at=(0, 0, 0, 3))
+    steps.add("to", 2, at=(3, 9, 9, 10), due=8)
+    told = [
+        (each["due_ns"], each["begun_ns"], each["late_ns"]) for each in steps.steps.entries(1, steps.job, seconds(20))
+    ]
+    assert told == [(None, 0, None), (seconds(8), None, None)]
 
 
 def test_actions_and_jobs_that_are_kept_are_bounded():

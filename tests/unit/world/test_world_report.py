@@ -138,6 +138,32 @@ def test_the_table_names_the_jobs_where_a_robot_had_several():
     assert [line.rpartition("  ")[2] for line in lines[1:-1]] == ["at(@2, exit)", "at(@1, exit)", "at(@1, entry)"]
 
 
+def step(text, due, end, late, behind=(), **times):
+    return {
+        "action": text, "begin_ns": 0, "begun_ns": 0, "end_ns": end, "due_ns": due, "late_ns": late,
+        "behind": list(behind), "time_ns": times,
+    }  # fmt: skip
+
+
+def test_the_table_has_the_steps_of_a_missed_job_with_several_turns():
+    late = part(1, 34.5, 32.0)
+    late["assertions"][0]["met"] = False
+    steps = [
+        step("press(@1)", 30 * 10**9, 28 * 10**9, -2 * 10**9, rule=10**9, action=2 * 10**9),
+        step("rest(@1)", None, 29 * 10**9, None, action=10**9),
+        step("paint(@1)", 32 * 10**9, 34 * 10**9, None, (2, 3), turn=5 * 10**9),
+    ]
+    late["assertions"][0]["steps"] = steps
+    lines = table_text(report_of(robots={1: late})).splitlines()
+    assert lines[1:4] == [
+        "   @1   32.00 s  34.50 s   +2.50 s   no",
+        " step   30.00 s  28.00 s   -2.00 s       press(@1): action 2.00 s, rule 1.00 s",
+        " step   32.00 s        -         -       paint(@1): turn behind robots 2, 3 5.00 s",
+    ]
+    late["assertions"][0]["steps"] = steps[:2]
+    assert "step" not in table_text(report_of(robots={1: late})), "one turn is that of the job"
+
+
 def test_the_summary_leaves_out_a_bound_that_is_not_known():
     lab_less = report_of() | {"bound_s": 0.0}
     assert summary(lab_less).startswith("corridor: finished after 18.12 s, deadlines met 1 of 2")
