@@ -78,3 +78,50 @@ def test_a_passage_that_nobody_passes_is_warned_of(tmp_path):
 def test_a_narrow_passage_without_a_name_beside_those_with_names_is_warned_of(tmp_path):
     found = warehouse(tmp_path, [("  south: {mouths: [south_west, south_east]}\n", "")])
     assert "is not exclusive: drives go through it without turns; name its ends under passages" in found
+
+
+JUNCTION = """
+lab: junction
+program: junction.rmr
+duration: 60s
+finish: there(R)
+arena: {size: [4.0, 3.0], cell: 0.05}
+obstacles:
+  - {box: [1.2, 0.7, 1.85, 1.85]}
+  - {box: [2.15, 0.7, 2.8, 1.85]}
+  - {box: [1.2, 2.15, 2.8, 3.0]}
+  - {box: [1.15, 0.0, 1.2, 1.85]}
+  - {box: [2.8, 0.0, 2.85, 1.85]}
+areas:
+  west: {at: [0.2, 0.3]}
+  east: {at: [3.8, 0.3]}
+robots:
+  - {id: 1, pose: [0.6, 2.5, 0deg]}
+  - {id: 2, pose: [3.4, 2.5, 180deg]}
+facts:
+  - goes(@1, east)
+  - goes(@2, west)
+localisation: {beacons: [[0, 0], [4, 0]]}
+"""
+GOES = """
+type action moveto(R: robot, A: area) -o there(R).
+type !goes(robot, area).
+start(R).
+start(R), goes(R, A) -o moveto(R, A).
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "warnings"),
+    [
+        (("", ""), 2),
+        (("localisation", "passages: {}\nlocalisation"), 0),
+        (("1.85]}\n  - {box: [2.15", "1.7]}\n  - {box: [2.15"), 0),
+    ],
+)
+def test_corridors_that_meet_without_room_to_wait_are_warned_of(tmp_path, change, warnings):
+    (tmp_path / "lab.yaml").write_text(JUNCTION.replace(*change))
+    (tmp_path / "junction.rmr").write_text(GOES)
+    loaded = load_lab(tmp_path)
+    found = str(validated(loaded, load_lab_program(loaded)).warnings)
+    assert found.count("has no turns, so robots meet in it: it ends 0.3") == warnings

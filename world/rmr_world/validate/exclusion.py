@@ -7,11 +7,13 @@ leaves robots of a scheduled assertion without turns.
 
 from collections.abc import Iterable, Iterator
 
-from rmr.base.arena import BOTTLENECK
+from rmr.base.arena import BOTTLENECK, found_passage
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Assertion, Program
+from rmr.node.motion.grid import PATH_MARGIN_M
 from rmr.node.motion.route import leader_route
 from rmr_world.finding import FilePath, Finding
+from rmr_world.found_passages import NearEnds, too_near
 from rmr_world.lab import Lab
 from rmr_world.narrow_places import narrow_places
 from rmr_world.passage_use import (
@@ -39,6 +41,23 @@ def passage_not_exclusive(lab: Lab, program: Program) -> Iterator[Finding]:
             yield from _several_events(lab, use)
             if use.named is None:
                 yield from _turns_elsewhere(lab, use)
+
+
+def passage_without_room(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of a narrow passage that robots pass without turns, since none could wait before it."""
+    chosen_none = ("passages",) in lab.places and not lab.arena.passages
+    if chosen_none or lab.arena.passage(BOTTLENECK) is not None:
+        return
+    for use in passage_uses(lab, program):
+        near = _too_near(lab, use)
+        if near is not None and _meet(use.drives):
+            wide_m = 4.0 * lab.arena.shape.radius + 3.0 * PATH_MARGIN_M
+            message = (
+                f"{_where(use)} has no turns, so robots meet in it: it ends {near.gap_m:.2f} m from another one, and "
+                f"robots that wait between two need {near.apart_m:.2f} m; leave that room, or make the shorter one "
+                f"{wide_m:.2f} m wide, so that two robots pass"
+            )
+            yield lab.warning(_path(use), message)
 
 
 def turn_cut_to_bottleneck(lab: Lab, program: Program) -> Iterator[Finding]:
@@ -76,7 +95,7 @@ def _several_events(lab: Lab, use: PassageUse) -> Iterator[Finding]:
 def _without_name(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of narrow passages without a name beside passages that have one and take turns."""
     for use in passage_uses(lab, program):
-        if use.named is None and _meet(use.drives):
+        if use.named is None and _meet(use.drives) and _too_near(lab, use) is None:
             message = (
                 f"{_where(use)} is not exclusive: drives go through it without turns; name its ends under passages"
             )
@@ -99,6 +118,18 @@ def _turns_elsewhere(lab: Lab, use: PassageUse) -> Iterator[Finding]:
 def _meet(drives: Iterable[FirstDrive]) -> bool:
     """Return whether there are two robots, which can meet in a passage."""
     return len({drive.robot for drive in drives}) > 1
+
+
+def _too_near(lab: Lab, use: PassageUse) -> NearEnds | None:
+    """Return the ends of a passage without turns and of another one between which there is no room to wait."""
+    if use.named is not None:
+        return None
+    own, *others = (
+        found_passage(each.name, each.ends)
+        for each in sorted(narrow_places(lab.arena).passages, key=lambda each: each not in use.narrow)
+    )
+    near = (each for other in (*others, *lab.arena.passages) for _, _, each in too_near(lab.arena, own, other))
+    return min(near, default=None)
 
 
 def _further_actions(program: Program, assertion: Assertion) -> list[str]:
@@ -202,6 +233,7 @@ CHECKS = (
     passage_not_exclusive,
     turn_cut_to_bottleneck,
     bottleneck_without_turns,
+    passage_without_room,
     passage_not_passed,
 )
 """The rules of exclusion."""
