@@ -20,6 +20,7 @@ EVENTS = {
     "ready": "all robots are ready",
     "over": "the run is over: `reason`, `finished`",
     "robot_started": "a process of a robot was started: `process`, `pid`",
+    "world_started": "a durable world was started again: `process`, `pid`",
     "robot_state": "a robot's `state` is another one",
     "process_ended": "a process has ended: `process`, `exit_code`",
     "robot_back": "a process that was started by hand has taken the robot's place",

@@ -15,6 +15,7 @@ from rmr.entry import run
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import CommandGroup, Parser
+    from rmr_deploy.run_requests import Who
 
 # --- what the words of an option mean
 
@@ -23,6 +24,10 @@ def _robots(text: str) -> tuple[int, ...]:
     from rmr.base.ids import listed
 
     return listed(text)
+
+
+def _robots_or_world(text: str) -> "tuple[Who, ...]":
+    return ("world",) if text == "world" else _robots(text)
 
 
 def _signal(text: str) -> int:
@@ -111,7 +116,7 @@ def _declare_logs(parser: "Parser") -> None:
 
 def _declare_robots(parser: "Parser") -> None:
     _declare_places(parser)
-    parser.positional("robots", "ROBOT", read=_robots, count="+", usage="ROBOT...")
+    parser.positional("robots", "ROBOT", read=_robots_or_world, count="+", usage="ROBOT...")
 
 
 def _declare_kill(parser: "Parser") -> None:
@@ -210,7 +215,7 @@ def _events(**options: Any) -> int:
 def _order(verb: str) -> Callable[..., int]:
     """Return what carries out an order about robots."""
 
-    def carry_out(robots: list[tuple[int, ...]], **options: Any) -> int:
+    def carry_out(robots: "list[tuple[Who, ...]]", **options: Any) -> int:
         from rmr_deploy.robot_orders import give_order
 
         return give_order(verb, [robot for group in robots for robot in group], **options)

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmr.bus.admission import why_no_session
+from rmr.bus.keys import WORLD
 from rmr.bus.listening import SAY_AGAIN_S
 from rmr.bus.process import Throttle
 from rmr.record.recording import PARTS_FOLDER
@@ -203,6 +204,8 @@ class HostRun(LabRun):
         is_order = request.get("do") not in ("facts", "outage")
         if is_order and self.company is not None and type(robot) is int and robot in self._elsewhere:
             return asyncio.ensure_future(self.company.order(self._share.host_of(robot), request))
+        if robot == WORLD and not self._share.has_world:
+            return f"the world is on host {self._share.hub.name}: give the order there"
         answer = super()._answer(request)
         if request.get("do") == "status" and isinstance(answer, dict):
             answer["processes"] += [self._process_elsewhere(robot) for robot in self._elsewhere]

@@ -216,6 +216,8 @@ def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | Non
         for key, fate in (("stopped", STOPPED), ("never_came", NEVER_CAME))
     }
     died = outcome.died | {name: code for befell in outcome.elsewhere.befell for name, code in befell.died.items()}
+    if plan.options.durable:
+        told["world"] = {"restarts": outcome.world_restarts}
     return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": died, **absent}
 
 

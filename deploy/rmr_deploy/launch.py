@@ -8,6 +8,8 @@
   (``rmr-world --when-ready``).
 - *End.* A run is over when the robots of the lab's quorum hold the finish fact, when the lab's duration has passed, or
   when a process has died. Robots stop before the world, which tells the final state last.
+- ``--durable``: a world that dies is started again and goes on from its state. Everything waits for it meanwhile; the
+  bus is gone with it, so that nothing is known of the robots.
 - ``--keep-going``, or a quorum other than `all`: a run goes on without a robot that died. A person may start that
   robot again by hand: from its liveliness token on it counts like any other, but its process is not a child of the
   launcher, which cannot end it.
@@ -22,19 +24,21 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rmr.base.ids import spelled
+from rmr.bus import wire
 from rmr.bus.endpoint import BusError
+from rmr.bus.keys import WORLD
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.page_start import PageStart, open_page
 from rmr_deploy.preparation import RunPlan, agent_command, endpoint_of, world_command
 from rmr_deploy.process_faults import FaultSchedule, ProcessFaults, ask_outage
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
-from rmr_deploy.restarts import Restarts
+from rmr_deploy.restarts import Restarts, world_policy
 from rmr_deploy.robot_lives import RobotLives, told_facts, told_status
 from rmr_deploy.run_end import end_processes, judged_end, names, patiently, sweep, unready, who_came_back, who_ended
 from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
-from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, serve_requests
+from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, called, serve_requests
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL, STOPPED, Fate
@@ -77,11 +81,14 @@ class LabRun:
         self._robots = self.lives.children
         self.faults = ProcessFaults(
             self._robots,
-            lambda robot, name: self._start_again((robot,), name),
+            lambda who, name: self._start_world(name) if isinstance(who, str) else self._start_again((who,), name),
             lambda: self.monitor.now_s if self.monitor else 0.0,
         )
         self.outcome.faults = self.faults.entries
         self.restarts = Restarts(plan.options.restart, self._replace)
+        self._world_restarts = Restarts(
+            world_policy(plan.options.restart) if plan.options.durable else None, self._replace_world
+        )
         self.schedule = FaultSchedule([one for one in plan.lab.faults if one.robot in plan.robots], self._order)
         self._limit_s = plan.options.timeout_s or self._ready_limit_s + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
@@ -131,7 +138,9 @@ class LabRun:
     def _start(self) -> str:
         """Start the processes; return what `write_processes` does. Raises OSError."""
         self._endpoint = endpoint_of(self.plan)
-        self._world = self._child("world", "world", world_command(self.plan, self._endpoint))
+        self._world = self._child(WORLD, WORLD, world_command(self.plan, self._endpoint))
+        if self.plan.options.durable:
+            self.faults.world = self._world
         self._start_robots()
         return self._record_processes()
 
@@ -152,15 +161,34 @@ class LabRun:
         part = name.replace("robot-", "robots-", 1)
         child = self._child(name, part, agent_command(self.plan, robots, self._endpoint), threaded=True)
         self._robots |= dict.fromkeys(robots, child)
-        try:
-            self._record_processes()
-        except OSError as error:  # the process ends with the launcher all the same
-            self._screen.say(f"{error.filename}: {error.strerror}; the verbs of a fleet do not see the new process")
-        self._screen.say(f"{names(robots)} is started again, pid {child.pid}")
+        self._note_started(names(robots), child)
         for robot in robots:
             message = f"robot {robot} is started again"
             self.events.note("robot_started", message, robot=robot, process=name, pid=child.pid)
         return child
+
+    def _note_started(self, who: str, child: Child) -> None:
+        try:
+            self._record_processes()
+        except OSError as error:  # the process ends with the launcher all the same
+            self._screen.say(f"{error.filename}: {error.strerror}; the verbs of a fleet do not see the new process")
+        self._screen.say(f"{who} is started again, pid {child.pid}")
+
+    def _start_world(self, name: str) -> Child:
+        """Start the world again as the process `name`. Raises OSError."""
+        child = self._child(name, name, world_command(self.plan, self._endpoint), threaded=True)
+        self._world = self.faults.world = child
+        self.outcome.world_restarts += 1
+        if self.plan.options.timeout_s is None:
+            self._limit_s += READY_S_MAX  # lab time stands until its robots are back
+        self._note_started(called(WORLD), child)
+        self.events.note("world_started", "the world is started again", process=name, pid=child.pid)
+        return child
+
+    def _replace_world(self, _: Sequence[int], name: str) -> None:
+        """Start the world again as the process `name`, because it has died. Raises OSError."""
+        self._start_world(name)
+        self.outcome.note_lives("restart", [WORLD], self._lab_s())
 
     def _replace(self, robots: Sequence[int], name: str) -> None:
         """Start the process `name` as the restart policy says. Raises OSError."""
@@ -238,7 +266,7 @@ class LabRun:
         self._report_exits()  # before requests: the process that follows must find its predecessor retired
         serve_requests(self.plan.folder, self._answer)
         self.faults.resume()
-        for problem in self.restarts.start_due():
+        for problem in [*self._world_restarts.start_due(), *self.restarts.start_due()]:
             self._screen.say(problem)
         if self.monitor is not None and self._lab_s() is not None:
             for message, entry in self.schedule.perform_due(self.monitor.now):
@@ -257,6 +285,8 @@ class LabRun:
         """Return why the run ends early by a person's will or a limit, if it does."""
         if self.outcome.interrupted:
             return "interrupted"
+        if not self._has_world():  # what follows one that has died could not be started
+            return "the world died, and cannot be started again"
         if self.outcome.ready_s is None and elapsed_s > self._ready_limit_s:
             return f"not ready within {self._ready_limit_s:g} s: {', '.join(self._unready())}"
         return f"not finished within {self._limit_s:g} s of wall time" if elapsed_s > self._limit_s else ""
@@ -278,15 +308,24 @@ class LabRun:
         robot = request.get("robot")
         if type(robot) is int and robot in self.lives.returned:
             return f"robot {robot} is a process that was started by hand"
+        if robot == WORLD and self.faults.world is None:
+            return "the world keeps no state, and the run would end with it: start the lab with rmr up --durable"
         if request.get("do") == "outage":
             refused = ask_outage(self.monitor, self.plan.lab.roster, request, self.faults.entries)
         else:
             refused = self.faults.perform(request)
-        if not refused and type(robot) is int:
-            self.restarts.forget(robot)
-            fields = {key: request[key] for key in REQUEST_FIELDS if key in request}
-            self.events.note("request", f"{request['do']} robot {robot}", **fields)
+        if not refused and (type(robot) is int or robot == WORLD):
+            self._note_order(robot, request)
         return refused
+
+    def _note_order(self, who: Any, request: Mapping[str, Any]) -> None:
+        """Note that an order about a robot, or the world, was carried out."""
+        if who == WORLD:
+            self._world_restarts.forget(wire.WORLD_ID)
+        else:
+            self.restarts.forget(who)
+        fields = {key: request[key] for key in REQUEST_FIELDS if key in request}
+        self.events.note("request", f"{request['do']} {called(who)}", **fields)
 
     def _lab_s(self) -> float | None:
         """Return lab time in seconds; None before it runs."""
@@ -309,18 +348,25 @@ class LabRun:
                 for robot in robots:
                     self.monitor.retire(robot, self.outcome.fate(child.name))
             by_hand = child.name in self.faults.killed
-            replaced = not by_hand and self.restarts.failed(child, code, robots) is not None
+            is_world = child is self.faults.world
+            restarts, crew = (self._world_restarts, [wire.WORLD_ID]) if is_world else (self.restarts, robots)
+            replaced = not by_hand and restarts.failed(child, code, crew) is not None
             crashed = child.name in self.faults.crashed
             if by_hand or replaced or crashed:
                 self.outcome.excused.add(child.name)
             if self.outcome.fate(child.name) == STOPPED or not (by_hand or crashed):
                 word: Life = "stop" if self.outcome.fate(child.name) == STOPPED else "die"
-                self.outcome.note_lives(word, robots, self._lab_s())
+                self.outcome.note_lives(word, [WORLD] if is_world else robots, self._lab_s())
         plan = self.plan
         may_die = plan.options.keep_going or plan.lab.quorum != ALL or not plan.has_world
         asked = all(child.name in self.outcome.excused for child in news)
         if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
-            self.outcome.reason = who_ended({name: self.outcome.fate(name) for name in self.outcome.ended})
+            died = sum(name.partition(".")[0] == WORLD for name in self.outcome.died)
+            self.outcome.reason = (
+                f"the world died {died} times, and is not started again"
+                if died > 1 and not self._has_world()
+                else who_ended({name: self.outcome.fate(name) for name in self.outcome.ended})
+            )
 
     def _note_robot(self, event: str, robot: int, message: str) -> None:
         self._screen.say(message)
@@ -332,7 +378,14 @@ class LabRun:
     def _can_go_on(self, *, asked: bool) -> bool:
         """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""
         may_lack = asked or self.outcome.ready_s is not None or self.plan.options.restart is not None
-        return may_lack and "world" not in self.outcome.ended and self._anybody()
+        return may_lack and self._has_world() and self._anybody()
+
+    def _has_world(self) -> bool:
+        """Whether the world runs or will; one that was ended on request is waited for until it is started again."""
+        world = self._world
+        if world is None or world.name not in self.outcome.ended:
+            return True
+        return self._world_restarts.waits(wire.WORLD_ID) or world.name in self.faults.killed
 
     def _anybody(self) -> bool:
         return bool(set(self.roster) - self.lives.lost().keys() - self._others().keys())

@@ -20,6 +20,7 @@ from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
 from rmr.bus.certificates import INDEX_FILE, KEYS_VARIABLE, CertificateError, read_certificate
 from rmr.bus.endpoint import is_loopback
+from rmr.bus.keys import WORLD
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
@@ -55,7 +56,7 @@ class RunRefusedError(Exception):
 
 
 STATES_FOLDER: Final = "state"
-"""Folder in the run folder with a folder for the state of each robot, where these are durable."""
+"""Folder in the run folder with a folder for the state of each robot and of the world, where these are durable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +127,12 @@ class RunPlan:
         """The folder of the logs, one JSON-lines file per process."""
         return self.folder / "logs"
 
-    def state(self, robots: Sequence[int]) -> list[str]:
-        """Return the words of a process's command by which its `robots` are durable; none if they are not."""
+    def state(self, robots: Sequence[int] = ()) -> list[str]:
+        """Return the words of a process's command by which its `robots`, or the world, are durable, if they are."""
         if not self.options.durable:
             return []
         states = self.folder / STATES_FOLDER
-        return ["--state", str(states if len(robots) > 1 else states / str(robots[0]))]
+        return ["--state", str(states if len(robots) > 1 else states / (str(robots[0]) if robots else WORLD))]
 
     def part(self, process: str) -> Path | None:
         """Return the file in which `process` records its part of the run; None if nothing is recorded."""
@@ -358,7 +359,7 @@ def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     opened = ["--open"] if plan.credentials is None and not is_loopback(listen) else []
     options = ["--listen", listen, *opened, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
     options += ["--ros2"] if plan.options.ros2 else []
-    return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.admission("world")]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.state(), *plan.admission("world")]
 
 
 def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:

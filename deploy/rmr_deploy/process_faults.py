@@ -24,9 +24,10 @@ from math import inf, isfinite
 from typing import Any, TypeGuard
 
 from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.bus.keys import WORLD
 from rmr_deploy.process_group import Child
 from rmr_deploy.restarts import next_name
-from rmr_deploy.run_requests import FAULT_S_MAX
+from rmr_deploy.run_requests import FAULT_S_MAX, Who, called
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
@@ -56,13 +57,15 @@ class ProcessFaults:
     """The faults of one run's processes, and orders about them."""
 
     def __init__(
-        self, robots: dict[int, Child], start: Callable[[int, str], Child], now_s: Callable[[], float]
+        self, robots: dict[int, Child], start: Callable[[Who, str], Child], now_s: Callable[[], float]
     ) -> None:
         """`robots` are the processes by robot, also of later ones.
 
-        `start` starts the process of a robot again under a name, `now_s` returns lab time in seconds.
+        `start` starts the process of a robot, or of the world, again under a name, `now_s` returns lab time in seconds.
         """
         self._robots = robots
+        self.world: Child | None = None
+        """The process of the world, also of a later one; None if it is not durable, and nothing goes on without it."""
         self._start = start
         self._now_s = now_s
         self.killed: set[str] = set()
@@ -84,21 +87,30 @@ class ProcessFaults:
     def perform(self, request: Mapping[str, Any]) -> str:
         """Carry out a request; return why it is refused, or nothing."""
         robot = request.get("robot")
+        if robot == WORLD and self.world is not None:
+            return self._perform(request, WORLD, self.world)
         if type(robot) is not int or robot not in self._robots:
             return "there is no such robot in this run"
         child = self._robots[robot]
         others = sum(one is child for one in self._robots.values()) - 1
         if others:
             return f"robot {robot} shares its process with {others} more: start the run without --processes"
+        return self._perform(request, robot, child)
+
+    def _perform(self, request: Mapping[str, Any], robot: Who, child: Child) -> str:
         dead = child.exit_code() is not None
         do = request.get("do")
         if do in ("start", "restart"):
             if dead:
                 return self._restart(robot, child)
             runs = {"start": "runs already", "restart": "lives: kill it before it is restarted"}
-            return f"robot {robot} {runs[do]}"
+            return f"{called(robot)} {runs[do]}"
         if dead:
-            return f"robot {robot} is dead{' already' if do in ('kill', 'stop', 'crash') else ''}"
+            return f"{called(robot)} is dead{' already' if do in ('kill', 'stop', 'crash') else ''}"
+        if isinstance(robot, str):
+            if do == "kill":
+                return self._kill(robot, child, request.get("signal"))
+            return self._stop(child) if do == "stop" else "the world can be killed, stopped, started and restarted only"
         length = request.get("for_s")
         orders: dict[object, Callable[[], str]] = {
             "kill": lambda: self._kill(robot, child, request.get("signal")),
@@ -112,7 +124,7 @@ class ProcessFaults:
         order = orders.get(do) if isinstance(do, str) else None
         return "unknown request" if order is None else order()
 
-    def _kill(self, robot: int, child: Child, number: object) -> str:
+    def _kill(self, robot: Who, child: Child, number: object) -> str:
         if number is None:
             number = signal.SIGKILL
         if type(number) is bool or not isinstance(number, int) or number not in signal.valid_signals():
@@ -139,11 +151,15 @@ class ProcessFaults:
         child.process.send_signal(signal.SIGTERM)
         return ""
 
-    def _restart(self, robot: int, child: Child) -> str:
+    def _restart(self, robot: Who, child: Child) -> str:
         try:
-            self._robots[robot] = self._start(robot, next_name(child.name))
+            started = self._start(robot, next_name(child.name))
         except OSError as error:
-            return f"robot {robot} cannot be started: {error.strerror or error}"
+            return f"{called(robot)} cannot be started: {error.strerror or error}"
+        if isinstance(robot, str):
+            self.world = started
+        else:
+            self._robots[robot] = started
         self.entries.append({"at": self._stamp(), "restart": robot})
         return ""
 

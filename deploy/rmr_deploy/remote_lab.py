@@ -73,7 +73,7 @@ class RemoteLab:
         """What each launcher said last by itself."""
         answers = {host: answer for (name, host), answer in told.items() if name == self.lab}
         about = next(iter(answers.values()))
-        self._hub = str(about["hub"])
+        self.hub = str(about["hub"])
         self.shares: dict[str, list[int]] = about["shares"]
         """The robots of each host."""
         self._folders = {host: str(answer["folder"]) for host, answer in answers.items()}
@@ -90,7 +90,7 @@ class RemoteLab:
 
     @property
     def _hub_is_silent(self) -> str:
-        return f"host {self._hub}, which has the world of lab {self.lab}, does not answer at {self._place.endpoint}"
+        return f"host {self.hub}, which has the world of lab {self.lab}, does not answer at {self._place.endpoint}"
 
     @property
     def roster(self) -> tuple[int, ...]:
@@ -101,7 +101,7 @@ class RemoteLab:
         said = message.body
         if isinstance(said, wire.Launcher) and message.sender == wire.OPERATOR_ID:
             self._heard[said.host] = said
-            self.launched = self.launched and not (said.host == self._hub and said.state == "over")
+            self.launched = self.launched and not (said.host == self.hub and said.state == "over")
 
     def _asked(self, key: str, request: Mapping[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
         """Return the answers to a question about the status, by lab and host."""
@@ -142,20 +142,20 @@ class RemoteLab:
         Of a host that does not answer it has what the world's host knows.
         """
         told = {host: answer for (_, host), answer in self._asked(self._keys.look("*"), {"do": "status"}).items()}
-        if self._hub not in told:
+        if self.hub not in told:
             raise FleetError(self._hub_is_silent, ExitCode.FAILED)
         rows: dict[str, list[dict[str, Any]]] = {"processes": [], "robots": []}
-        for host in sorted(self.shares, key=lambda host: (host != self._hub, host)):
-            teller = told.get(host, told[self._hub])
+        for host in sorted(self.shares, key=lambda host: (host != self.hub, host)):
+            teller = told.get(host, told[self.hub])
             for name, word in (("processes", "name"), ("robots", "process")):
                 rows[name] += _rows_of(host, teller[name], word, itself=host in told)
-        return {**told[self._hub], **rows}
+        return {**told[self.hub], **rows}
 
     # --- logs
 
     def logs(self, robots: Sequence[int], *, events_only: bool) -> list[RunLogs]:
         """Return the logs of each host that takes part in the lab."""
-        hosts = sorted(host for host, robots_there in self.shares.items() if robots_there or host == self._hub)
+        hosts = sorted(host for host, robots_there in self.shares.items() if robots_there or host == self.hub)
         return [HostLogs(self, host, robots, events_only=events_only) for host in hosts]
 
     def log(self, host: str, **request: Any) -> dict[str, Any]:
@@ -168,20 +168,20 @@ class RemoteLab:
     def bring_down(self, timeout_s: float) -> str:
         """End the lab on all hosts; return a sentence. Raises FleetError."""
         end = time.monotonic() + timeout_s
-        answers = self._answers(self._keys.order(self._hub), {"do": "down"})
+        answers = self._answers(self._keys.order(self.hub), {"do": "down"})
         if not answers:
             raise FleetError(self._hub_is_silent, ExitCode.FAILED)
-        others = self._folders.keys() - {self._hub}
+        others = self._folders.keys() - {self.hub}
         while self.launched or not all(self._has_left(host) for host in others):
             if time.monotonic() > end or (not self._bus.connected and not self.launched):
                 break
             self._runner.run(asyncio.sleep(0.05))
         if self.launched:
             raise FleetError(f"lab {self.lab} has not ended within {timeout_s:g} s", ExitCode.FAILED)
-        downs = [self._hub, *sorted(host for host in others if self._has_left(host))]
+        downs = [self.hub, *sorted(host for host in others if self._has_left(host))]
         silent = sorted(host for host in self.shares if host not in downs and self.shares[host])
         rest = f"; host {', '.join(silent)} has not said so" if silent else ""
-        report = f"the report is on host {self._hub}, in {self._folders[self._hub]}"
+        report = f"the report is on host {self.hub}, in {self._folders[self.hub]}"
         return f"lab {self.lab} is down on host {', '.join(downs)}{rest}; {report}"
 
     def _has_left(self, host: str) -> bool:

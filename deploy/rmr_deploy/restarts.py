@@ -1,8 +1,9 @@
-"""The restart policy of `rmr up`: whether, and how soon, the process of a robot that has failed is started again.
+"""The restart policy of `rmr up`: whether, and how soon, a process that has failed is started again.
 
 As in compose, ``on-failure`` is for processes that end by themselves with another exit code than 0, or by a signal.
 What a person has killed or stopped stays down. The pause before each start doubles, and begins anew after a process
-has run for a while: a robot that fails at once takes no processor time from the others.
+has run for a while: a robot that fails at once takes no processor time from the others. A durable world is under the
+same rule, but not without an end: nothing goes on without it.
 
 The policy is an option, so this module loads next to nothing.
 """
@@ -32,6 +33,8 @@ class RestartPolicy:
 
     times: int | None = None
     """How often each robot is started again at most; None: as often as it fails."""
+    in_a_row: bool = False
+    """Whether those after a process that has run for `STEADY_S` are counted anew."""
 
     def pause_s(self, exit_code: int, restarts: int, ran_s: float, last_s: float | None) -> float | None:
         """Return after how many seconds to start a robot again; None if it stays down.
@@ -40,11 +43,17 @@ class RestartPolicy:
         """
         if exit_code in (ExitCode.OK, ExitCode.INVALID):  # the same program would be refused again
             return None
-        if self.times is not None and restarts >= self.times:
+        if self.times is not None and restarts >= self.times and not (self.in_a_row and ran_s >= STEADY_S):
             return None
         if last_s is None or ran_s >= STEADY_S:
             return FIRST_PAUSE_S
         return min(2.0 * last_s, PAUSE_S_MAX)
+
+
+def world_policy(given: RestartPolicy | None) -> RestartPolicy:
+    """Return when a durable world is started again, where `given` says when robots are."""
+    # A world that cannot live does not die six times by chance, with pauses of 3.1 s in all.
+    return RestartPolicy(5, in_a_row=True) if given is None or given.times is None else given
 
 
 def restart_policy(text: str) -> RestartPolicy | None:
@@ -97,7 +106,7 @@ class Restarts:
         pause_s = self._policy.pause_s(exit_code, count, ran_s, self._pauses.get(crew))
         if pause_s is not None:
             self._pauses[crew] = pause_s
-            self._counts[crew] = count + 1
+            self._counts[crew] = 1 if self._policy.in_a_row and ran_s >= STEADY_S else count + 1
             self._pending.append(PendingRestart(time.monotonic() + pause_s, crew, next_name(child.name)))
         return pause_s
 

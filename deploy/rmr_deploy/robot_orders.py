@@ -1,4 +1,4 @@
-"""`rmr kill`, `stop`, `start`, `restart`, `pause` and `unpause`: orders about robots of a lab that runs.
+"""`rmr kill`, `stop`, `start`, `restart`, `pause` and `unpause`: orders about robots of a lab that runs, or its world.
 
 The launcher carries them out, for it alone may signal its processes and start them again. A verb waits until the lab
 has started, and then until the order has taken effect: until the process has ended, or is started.
@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rmr.bus.keys import WORLD
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, recorded_run
 from rmr_deploy.fleet_listing import told_status
 from rmr_deploy.run_choice import FleetError, Remote, Steered, check_robots, chosen_run, shown
-from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError
+from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError, Who, called
 
 POLL_S = 0.05
 START_S = 35.0
@@ -53,7 +54,7 @@ def signal_number(text: str) -> int:
 
 def give_order(
     verb: str,
-    robots: Sequence[int],
+    robots: Sequence[Who],
     *,
     folder: Path | None,
     lab: str | None,
@@ -71,7 +72,10 @@ def give_order(
     One that is refused does not keep the others from being carried out.
     """
     run = there or chosen_run(folder, lab)
-    check_robots(run, robots)
+    check_robots(run, [robot for robot in robots if isinstance(robot, int)])
+    if WORLD in robots and there is not None:
+        where = f"on its own host, which is {there.hub}, without --connect"
+        raise FleetError(f"the connection goes through the world: order this {where}")
     if not run.launched:
         raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
     if verb != "start":
@@ -88,7 +92,7 @@ def give_order(
             print(f"rmr {NAMES.get(verb, verb)}: {error}{hint}", file=sys.stderr)
             code = ExitCode.FAILED
         else:
-            print(f"robot {robot} is {DONE[verb]}")
+            print(f"{called(robot)} is {DONE[verb]}")
     return code
 
 
@@ -117,7 +121,7 @@ def _starts(run: Steered, *, known: bool) -> bool:
     return known and run.launched if told is None else told["ready_s"] is None
 
 
-def _order(run: Steered, verb: str, robot: int, more: Mapping[str, float], timeout_s: float, *, force: bool) -> None:
+def _order(run: Steered, verb: str, robot: Who, more: Mapping[str, float], timeout_s: float, *, force: bool) -> None:
     """Have an order carried out and wait for its effect. Raises RequestError."""
     if verb == "restart" and force and _process(run, robot)["state"] != "ended":
         _stop(run, robot, timeout_s)
@@ -140,15 +144,15 @@ def _ask(run: Steered, request: Mapping[str, Any]) -> None:
         print(f"rmr {NAMES.get(request['do'], request['do'])}: {error}", file=sys.stderr)
 
 
-def _stop(run: Steered, robot: int, timeout_s: float) -> None:
+def _stop(run: Steered, robot: Who, timeout_s: float) -> None:
     _ask(run, {"do": "stop", "robot": robot})
     if not _wait_for_end(run, robot, timeout_s):
         _ask(run, {"do": "kill", "robot": robot})
-        print(f"robot {robot} did not stop in {timeout_s:g} s and was killed", file=sys.stderr)
+        print(f"{called(robot)} did not stop in {timeout_s:g} s and was killed", file=sys.stderr)
         _wait_for_end(run, robot, KILL_S)
 
 
-def _wait_for_end(run: Steered, robot: int, patience_s: float) -> bool:
+def _wait_for_end(run: Steered, robot: Who, patience_s: float) -> bool:
     """Wait until the process of `robot` has ended, or the run has; return whether it did in time."""
     end = time.monotonic() + patience_s
     while run.launched and _process(run, robot)["state"] != "ended":
@@ -158,16 +162,19 @@ def _wait_for_end(run: Steered, robot: int, patience_s: float) -> bool:
     return True
 
 
-def _process(run: Steered, robot: int) -> dict[str, Any]:
-    """Return the name and state of the present process of `robot`.
+def _process(run: Steered, robot: Who) -> dict[str, Any]:
+    """Return the name and state of the present process of `robot`, or of the world.
 
     While the run ends the launcher does not answer: the system is asked then.
     """
     told = told_status(run)
+    base = robot if isinstance(robot, str) else f"robot-{robot}"
     if told is None:
         assert isinstance(run, LaunchedRun), "a lab on other machines answers, or ends the verb"
         processes = recorded_run(run.folder).processes or run.processes
-        found = [one for one in processes if one.name.partition(".")[0] == f"robot-{robot}"]
+        found = [one for one in processes if one.name.partition(".")[0] == base]
         return {"name": found[-1].name if found else "", "state": "running" if found and found[-1].lives else "ended"}
+    if base == WORLD:
+        return next(dict(one) for one in reversed(told["processes"]) if one["name"].partition(".")[0] == base)
     name = next(one["process"] for one in told["robots"] if one["robot"] == robot)
     return next(dict(one) for one in told["processes"] if one["name"] == name)

@@ -52,6 +52,10 @@ class Remote(Steered, Protocol):
     def logs(self, robots: Sequence[int], *, events_only: bool) -> list[Any]:
         """Return the logs of each host (`rmr_deploy.run_logs.RunLogs`)."""
 
+    @property
+    def hub(self) -> str:
+        """The host with the world."""
+
     def bring_down(self, timeout_s: float) -> str:
         """End the lab on all hosts; return a sentence. Raises FleetError."""
 

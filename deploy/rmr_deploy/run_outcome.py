@@ -13,7 +13,7 @@ from rmr.entry import ExitCode
 from rmr_world.quorum import DIED, STOPPED, Fate
 
 Life = Literal["stop", "die", "restart"]
-"""A robot's process was stopped in order, died without an order, or was started again by policy or by hand."""
+"""A process was stopped in order, died without an order, or was started again by policy or by hand."""
 
 
 class Befell(NamedTuple):
@@ -82,7 +82,9 @@ class RunOutcome:
     faults: list[dict[str, Any]] = field(default_factory=list)
     """Faults of processes on request, in the form of a lab file's entries."""
     lives: list[dict[str, Any]] = field(default_factory=list)
-    """Ends and starts of robots' processes that are no faults on request: see `note_lives`."""
+    """Ends and starts of processes that are no faults on request: see `note_lives`."""
+    world_restarts: int = 0
+    """How often the world was started again."""
     loads: list[dict[str, Any]] = field(default_factory=list)
     """What became of the loads of the lab file that have begun, as entries of the report."""
     elsewhere: Elsewhere = field(default_factory=Elsewhere)
@@ -99,8 +101,11 @@ class RunOutcome:
         if asked or exit_code == ExitCode.OK:
             self.stopped.add(name)
 
-    def note_lives(self, word: Life, robots: Iterable[int], at_s: float | None) -> None:
-        """Note, for the recording, what befell the processes of `robots` at a lab time; None: before it began."""
+    def note_lives(self, word: Life, robots: Iterable[int | str], at_s: float | None) -> None:
+        """Note, for the recording, what befell the processes of `robots`, or the world, at a lab time.
+
+        None: before it began.
+        """
         self.lives += [{"at": round(at_s or 0.0, 3), word: robot} for robot in robots]
 
     def befell(self) -> bytes:

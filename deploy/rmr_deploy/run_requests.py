@@ -19,9 +19,10 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rmr.base.file_errors import disk_of, naming
+from rmr.bus.keys import WORLD
 
 if TYPE_CHECKING:
     from asyncio import Future
@@ -39,6 +40,15 @@ FAULT_S_MAX = 86_400.0
 """Length of a fault at most; one that is not told lasts to the end of the run, which comes sooner."""
 REQUEST_FIELDS = ("do", "robot", "signal", "for_s", "every_s")
 """What a request may have."""
+
+
+Who = int | Literal["world"]
+"""Whom an order is about."""
+
+
+def called(who: Who) -> str:
+    """Return ``robot 3`` or ``the world``."""
+    return "the world" if who == WORLD else f"robot {who}"
 
 
 class RequestError(Exception):

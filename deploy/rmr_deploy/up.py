@@ -76,7 +76,7 @@ def _declare_options(parser: "Parser") -> None:
         read=restart_policy,
         help="on-failure[:N]: start a robot that fails again, N times at most (default: no).",
     )
-    parser.flag("--durable", help="Robots keep their state in the run folder: one that is started again goes on.")
+    parser.flag("--durable", help="Robots and world keep their state: one that is started again goes on.")
     parser.option(
         "--keys", metavar="DIR", read=Path, help="The folder of the CA, where the lab has security mtls (or RMR_KEYS)."
     )

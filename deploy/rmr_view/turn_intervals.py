@@ -28,6 +28,7 @@ from math import inf
 from typing import Any, ClassVar
 
 from rmr.base.time import in_seconds
+from rmr.bus.keys import WORLD
 from rmr.coord.timing import ClaimTiming
 
 CLAIM_S = in_seconds(ClaimTiming().quiet + ClaimTiming().ahead)
@@ -150,6 +151,8 @@ class TurnIntervals:
         times = {key: float(fault[key]) for key in ("at", "from", "to") if key in fault}
         self._faults.append({**fault, **times})
         end = next((word for word in GONE if word in fault), None)
+        if fault.get(end or "restart") == WORLD:
+            return  # it has no lane
         if end is not None:
             self._end(self._lane(fault[end]), times["at"], GONE[end])
         elif "restart" in fault:

@@ -26,10 +26,11 @@ a message.
 
 import re
 from dataclasses import dataclass
+from typing import Final
 
 from rmr.base.values import ROBOT_ID_MAX
 
-WORLD = "world"
+WORLD: Final = "world"
 """The name of the world, in place of a robot's id."""
 
 OPERATOR = "operator"

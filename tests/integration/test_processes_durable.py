@@ -144,7 +144,7 @@ def test_a_robot_of_a_durable_run_that_is_started_by_hand_goes_on_with_its_drive
     file.write_text(file.read_text().replace("robots:\n", "robot: {speed: 0.04}\nrobots:\n", 1))
     run = up(lab, "--durable", "--keep-going", "--no-view").running()
     states = run.folder / "state"
-    assert sorted(path.name for path in states.iterdir()) == ["1", "2", "3"]
+    assert sorted(path.name for path in states.iterdir()) == ["1", "2", "3", "world"]
     eventually(lambda: (states / "2" / JOURNAL).stat().st_size > 10_000, 60)
     os.kill(run.pids["robot-2"], signal.SIGKILL)
     eventually(lambda: "robot 2  died" in run.out, 60)

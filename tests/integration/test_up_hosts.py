@@ -137,6 +137,37 @@ def test_a_robot_that_dies_is_started_again_by_its_host(hosts):
     assert "robot-5 on host c died on the way and came back; the report" in said
 
 
+def test_a_world_that_is_killed_comes_back_and_the_robots_of_all_hosts_go_on(hosts):
+    started = hosts.all_up(a=("--durable",))
+    hosts.wait_until_driving()
+    pids = json.loads((hosts.folder / "a" / "processes.json").read_text())["processes"]
+    refused = hosts.ask("d", "kill", "world", *hosts.place)
+    assert refused.stderr == (
+        "rmr kill: the connection goes through the world: order this on its own host, which is a, without --connect\n"
+    )
+    refused = hosts.ask("b", "kill", "world", "--run", hosts.folder / "b")
+    assert refused.stderr == "rmr kill: the world is on host a: give the order there\n"
+    os.kill(pids["world"], signal.SIGKILL)
+    started["a"].wait_for("the world is started again")
+    assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
+    report = hosts.report()
+    assert (report["finished"], report["dead"], report["collisions"]) == (True, [], 0)
+    assert (report["world"], report["died"]) == ({"restarts": 1}, {"world": -9})
+    assert {part["restarts"] for part in report["robots"].values()} == {0}
+    jobs = [job for part in report["robots"].values() for job in part["assertions"]]
+    assert [job["finish_s"] is None for job in jobs] == [False] * 6
+    for host, robots in {"b": (1, 2, 3), "c": (4, 5, 6)}.items():
+        assert "world died on the way and came back" in started[host].said()
+        for robot in robots:
+            assert "the world is back" in (hosts.folder / host / "logs" / f"robot-{robot}.jsonl").read_text()
+    for host in "bc":
+        shutil.copytree(hosts.folder / host / "record", hosts.folder / "copied" / host)
+    joins = next(line for line in started["a"].said().splitlines() if "rmr record join" in line)
+    command = ["bash", "-c", f"{sys.executable} -m {joins.strip()}"]
+    joined = subprocess.run(command, cwd=hosts.folder / "copied", capture_output=True, text=True, check=False)
+    assert joined.returncode == 0, joined.stderr
+
+
 def test_a_robot_that_dies_ends_the_run_on_all_hosts(hosts):
     started = hosts.all_up()
     hosts.kill("c", 5)
@@ -406,7 +437,9 @@ def test_the_commands_of_the_page_do_what_it_says(page_hosts):
         one.wait_for("robots ready after")
     asked = re.findall(r"^\$ (rmr .*)\n((?:(?!\$ |```).*\n)*)", section, re.M)
     assert [command.split()[1] for command, _ in asked] == ["ps", "kill", "restart", "events", "down"]
-    for command, expected in asked:
+    (listed, drives), *others = asked
+    wait_until(lambda: shown_as(drives, page_hosts.run("d", listed)))  # robot 1 has begun to drive
+    for command, expected in others:
         said = page_hosts.run("d", command)
         assert shown_as(expected, said), (command, expected, said)
     assert ended(started) == {"a": 1, "b": 1, "c": 1}

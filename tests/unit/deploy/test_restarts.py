@@ -7,7 +7,16 @@ from types import SimpleNamespace
 import pytest
 
 from rmr_deploy.process_group import Child
-from rmr_deploy.restarts import FIRST_PAUSE_S, PAUSE_S_MAX, STEADY_S, RestartPolicy, Restarts, next_name, restart_policy
+from rmr_deploy.restarts import (
+    FIRST_PAUSE_S,
+    PAUSE_S_MAX,
+    STEADY_S,
+    RestartPolicy,
+    Restarts,
+    next_name,
+    restart_policy,
+    world_policy,
+)
 
 
 @pytest.mark.parametrize(
@@ -73,3 +82,11 @@ def test_without_a_policy_nothing_is_started_again():
     restarts = Restarts(None, lambda *_: pytest.fail("started"))
     assert restarts.failed(child("robot-3"), 1, [3]) is None
     assert not restarts.waits(3)
+
+
+def test_a_world_is_given_up_after_five_restarts_in_a_row_unless_the_policy_of_robots_has_a_number():
+    policy = world_policy(RestartPolicy())
+    assert (policy, world_policy(RestartPolicy(2))) == (world_policy(None), RestartPolicy(2))
+    assert policy.pause_s(-9, 4, 1.0, 1.0) == 2.0
+    assert policy.pause_s(-9, 5, 1.0, 1.0) is None
+    assert policy.pause_s(-9, 5, STEADY_S, 1.0) == FIRST_PAUSE_S

@@ -244,7 +244,7 @@ def simulated():
 
 def of_processes(folder):
     lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
-    plan = RunPlan(RunOptions(lab=lab.path), lab, None, folder)
+    plan = RunPlan(RunOptions(lab=lab.path, durable=True), lab, None, folder)
     return make_report(plan, RunOutcome(reason="interrupted"), None)
 
 

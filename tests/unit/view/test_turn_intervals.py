@@ -216,3 +216,10 @@ def test_cleared_faults_end_and_those_of_the_lab_stay():
         made.add_fault(fault)
     made.end_faults(4.0, 1)
     assert [fault.get("to") for fault in made.timeline(5.0)["faults"]] == [9.0, 4.0, 9.0]
+
+
+def test_the_world_of_a_durable_run_dies_without_a_lane():
+    faults = [{"at": 1.0, "die": "world"}, {"at": 1.0, "restart": "world"}]
+    shown = timeline([slotted(0.5, 1, 5.0)], 20.0, faults=faults)
+    assert [lane["robot"] for lane in shown["lanes"]] == [1]
+    assert shown["faults"] == faults
