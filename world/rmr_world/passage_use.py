@@ -165,19 +165,31 @@ def is_in_narrow(found: NarrowPlaces, at: Point) -> bool:
 
 
 def _first_drive(lab: Lab, program: Program, start: RobotStart, instant: FirstInstant) -> FirstDrive | None:
+    event = _first_moveto(program, start.id, instant)
+    goal = _goal(lab.arena, event)
+    if event is None or goal is None:
+        return None
+    here = Point(start.pose.x, start.pose.y)
+    route = gated_route(lab.arena, here, goal.places[0], ())
+    job = next((job for job in instant.jobs if _serves(program, job, event.predicate, event.args)), None)
+    to_station = lab.arena.capacity(goal.name) > 0
+    return None if route is None else FirstDrive(start.id, goal, route, job, to_station)
+
+
+def first_goal(lab: Lab, program: Program, robot: int) -> Area | None:
+    """Return the area to which the first drive of `robot` leads, with a way or without; None: to none that is known."""
+    return _goal(lab.arena, _first_moveto(program, robot, first_instants(lab, program).of(robot)))
+
+
+def _first_moveto(program: Program, robot: int, instant: FirstInstant) -> ActionDerived | None:
     moveto = program.index(MOVETO)
-    for event in instant.events:
-        if not isinstance(event, ActionDerived) or event.predicate != moveto or event.executor != start.id:
-            continue
-        goal = lab.arena.area(str(event.args[0])) if event.args and isinstance(event.args[0], Symbol) else None
-        if goal is None:
-            return None
-        here = Point(start.pose.x, start.pose.y)
-        route = gated_route(lab.arena, here, goal.places[0], ())
-        job = next((job for job in instant.jobs if _serves(program, job, event.predicate, event.args)), None)
-        to_station = lab.arena.capacity(goal.name) > 0
-        return None if route is None else FirstDrive(start.id, goal, route, job, to_station)
-    return None
+    derived = (event for event in instant.events if isinstance(event, ActionDerived) and event.predicate == moveto)
+    return next((event for event in derived if event.executor == robot), None)
+
+
+def _goal(arena: Arena, moveto: ActionDerived | None) -> Area | None:
+    named = moveto is not None and moveto.args and isinstance(moveto.args[0], Symbol)
+    return arena.area(str(moveto.args[0])) if moveto is not None and named else None
 
 
 def _serves(program: Program, job: TimedJob, action: int, args: tuple[Value, ...]) -> bool:

@@ -125,3 +125,27 @@ def test_corridors_that_meet_without_room_to_wait_are_warned_of(tmp_path, change
     loaded = load_lab(tmp_path)
     found = str(validated(loaded, load_lab_program(loaded)).warnings)
     assert found.count("has no turns, so robots meet in it: it ends 0.3") == warnings
+
+
+TOUR = """
+type action moveto(R: robot, A: area) -o at(R, A).
+type sensor at(robot, area).
+type tour(robot, list area).
+start(R).
+start(R), tour(R, [A | Rest]) -o tour(R, Rest), moveto(R, A).
+at(R, _), tour(R, []) -o there(R).
+"""
+
+
+def test_a_first_drive_that_has_no_way_is_warned_of(tmp_path):
+    wall = "obstacles:\n  - {box: [1.9, 0.0, 2.1, 3.0]}\n"
+    lab = JUNCTION.replace("goes(@1, east)", "tour(@1, [east])").replace("goes(@2, west)", "tour(@2, [west])")
+    (tmp_path / "lab.yaml").write_text(lab.replace("obstacles:\n", wall))
+    (tmp_path / "junction.rmr").write_text(TOUR)
+    loaded = load_lab(tmp_path)
+    found = str(validated(loaded, load_lab_program(loaded)).warnings)
+    assert (
+        "areas.east: warning: robot 1 finds no way to area 'east'; a robot of radius 0.07 m must fit through; the"
+        in found
+    )
+    assert "areas.west: warning: robot 2 finds no way to area 'west'" in found

@@ -23,7 +23,9 @@ from rmr.node.motion.grid import TIGHT_MARGIN_M, cell_for, grid_of, regions
 from rmr_world.bound import approachable, destinations
 from rmr_world.finding import FilePath, Finding
 from rmr_world.lab import Lab
+from rmr_world.passage_use import first_goal
 from rmr_world.schema import CELLS_MAX
+from rmr_world.validate.first_instant import ROBOTS_MAX
 
 PLANS_MAX = 200
 """Calls of the planner, about a millisecond each, for places and for the ways out of stations; beyond them a way is
@@ -37,6 +39,7 @@ def unreachable_places(lab: Lab, program: Program) -> Iterator[Finding]:
     ways = Ways(lab)
     yield from _unreachable_destinations(lab, ways)
     yield from _unreachable_used_areas(lab, program, ways)
+    yield from _unreachable_first_drives(lab, program, ways)
 
 
 class Ways:
@@ -124,6 +127,19 @@ def _unreachable_used_areas(lab: Lab, program: Program, ways: Ways) -> Iterator[
             if not any(ways.between(start, place) for start in starts):
                 message = f"no robot finds a way to place {index} of the queue of area '{name}'"
                 yield lab.error(("areas", name, "queue"), message)
+
+
+def _unreachable_first_drives(lab: Lab, program: Program, ways: Ways) -> Iterator[Finding]:
+    """Yield a warning for each area to which the first drive of a robot leads and has no way: it will fail."""
+    checked = {area.name for area in destinations(lab).values()} | {use.area for use in area_uses(program)}
+    cut_off: dict[Area, list[int]] = {}
+    for robot, start in ways.starts[:ROBOTS_MAX]:
+        area = first_goal(lab, program, robot)
+        if area is not None and area.name not in checked and not ways.into(start, _places(lab.arena, area)):
+            cut_off.setdefault(area, []).append(robot)
+    for area, robots in cut_off.items():
+        found = _cut_off(lab, area, robots, None)
+        yield replace(found, message=f"{found.message}; the first drive there fails", is_warning=True)
 
 
 def _places(arena: Arena, area: Area) -> list[Point]:
