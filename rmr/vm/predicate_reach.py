@@ -1,5 +1,8 @@
 """Which predicates can follow from which, by rules and effects of actions, read off the program without values."""
 
+from functools import reduce
+from operator import or_
+
 from rmr.base.identity import ByIdentity
 from rmr.bytecode.heads import bodies, items
 from rmr.bytecode.program import Atom, Mode, Program
@@ -8,12 +11,10 @@ from rmr.bytecode.program import Atom, Mode, Program
 class Reach:
     """Which predicates can follow from which, by one rule or action after another, as bit sets."""
 
-    __slots__ = ("_beside", "_from")
+    __slots__ = ("_begun", "_from")
 
     def __init__(self, program: Program) -> None:
         steps = [1 << index for index in range(len(program.predicates))]
-        self._beside = _beside(program)
-        """What one rule derives together with what starts a job, as bit sets, by the start fact's predicate."""
         for rule in program.rules:
             heads = 0
             for item in items(rule.head):
@@ -32,6 +33,8 @@ class Reach:
                 if row & bit:
                     steps[index] = row | through
         self._from = steps
+        self._begun = {start: reduce(or_, [steps[one] for one in beside]) for start, beside in _beside(program).items()}
+        """What can follow from what one rule derives together with a job's start fact, by that fact's predicate."""
 
     def leads(self, one: int, other: int) -> bool:
         """Return whether `other` can follow from `one`; each follows from itself."""
@@ -39,19 +42,16 @@ class Reach:
 
     def begun(self, start: int, other: int) -> bool:
         """Return whether `other` can follow from a job's `start`, or from what the firing derives that starts it."""
-        if self.leads(start, other):
-            return True
-        beside = self._beside[start]
-        return any(beside >> one & 1 and self.leads(one, other) for one in range(beside.bit_length()))
+        return bool(self._begun[start] >> other & 1)
 
 
-def _beside(program: Program) -> dict[int, int]:
-    beside = {each.start.predicate: 1 << each.start.predicate for each in program.assertions}
+def _beside(program: Program) -> dict[int, set[int]]:
+    """Return what one rule derives together with a start fact, that fact among it, by its predicate."""
+    beside = {each.start.predicate: {each.start.predicate} for each in program.assertions}
     for rule in program.rules if beside else ():
-        heads = dict.fromkeys([item.predicate for item in items(rule.head)])
-        for start in heads:
-            if start in beside:
-                beside[start] |= sum(1 << head for head in heads if not beside[start] >> head & 1)
+        heads = {item.predicate for item in items(rule.head)}
+        for start in heads & beside.keys():
+            beside[start] |= heads
     return beside
 
 

@@ -35,7 +35,8 @@ from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
 TURNS_SHARE: Final = 0.5
-"""A robot that a wall slows to less than this share of its speed, or of the reference robot's, turns off it."""
+"""A robot that a wall, or one that stands, slows to less than this share of its speed, or of the reference robot's,
+turns off it."""
 OFF_TURN: Final = 1.5
 """Turn rate with which it does, rad/s."""
 RETRY_S: Final = 0.5
@@ -539,8 +540,8 @@ class Navigator:
     def leads_back(self, place: Point) -> bool:
         """Return whether a robot that is in a passage, or has passed one, would pass one on its way to `place`.
 
-        So is one taken that has no passage before it where only jobs of one event take turns: its drive would ask for
-        none.
+        One that has no passage before it where only jobs of one event take turns is taken for such a robot: its drive
+        would ask for no turn.
         """
         route = self.route
         order = self._order

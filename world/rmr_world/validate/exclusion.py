@@ -10,12 +10,11 @@ from collections.abc import Iterable, Iterator
 from rmr.base.arena import BOTTLENECK, found_passage
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Assertion, Program
-from rmr.node.motion.grid import PATH_MARGIN_M
 from rmr.node.motion.route import leader_route
 from rmr_world.finding import FilePath, Finding
 from rmr_world.found_passages import NearEnds, too_near
 from rmr_world.lab import Lab
-from rmr_world.narrow_places import narrow_places
+from rmr_world.narrow_places import narrow_places, side_by_side_m
 from rmr_world.passage_use import (
     FirstDrive,
     PassageUse,
@@ -49,13 +48,12 @@ def passage_without_room(lab: Lab, program: Program) -> Iterator[Finding]:
     if chosen_none or lab.arena.passage(BOTTLENECK) is not None:
         return
     for use in passage_uses(lab, program):
-        near = _too_near(lab, use)
-        if near is not None and _meet(use.drives):
-            wide_m = 4.0 * lab.arena.shape.radius + 3.0 * PATH_MARGIN_M
+        near = _too_near(lab, use) if _meet(use.drives) else None
+        if near is not None:
             message = (
                 f"{_where(use)} has no turns, so robots meet in it: it ends {near.gap_m:.2f} m from another one, and "
                 f"robots that wait between two need {near.apart_m:.2f} m; leave that room, or make the shorter one "
-                f"{wide_m:.2f} m wide, so that two robots pass"
+                f"{side_by_side_m(lab.arena.shape.radius):.2f} m wide, so that two robots pass"
             )
             yield lab.warning(_path(use), message)
 
