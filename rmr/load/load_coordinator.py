@@ -20,8 +20,7 @@ from enum import Enum
 from typing import Any
 
 from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.load.fragments import Fragments
-from rmr.load.load_messages import LoadError, LoadKind, LoadMessage, decode, numbers_of
+from rmr.load.load_messages import Fragments, LoadError, LoadKind, LoadMessage, decode, numbers_of
 from rmr.load.load_pace import LoadPace
 from rmr.load.program_loader import Out
 

@@ -20,8 +20,16 @@ from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import Program
-from rmr.load.fragments import Fragments
-from rmr.load.load_messages import FRAGMENT_HEAD, LoadError, LoadKind, LoadMessage, decode, missing_bits, numbers_of
+from rmr.load.load_messages import (
+    FRAGMENT_HEAD,
+    Fragments,
+    LoadError,
+    LoadKind,
+    LoadMessage,
+    decode,
+    missing_bits,
+    numbers_of,
+)
 from rmr.load.load_pace import ASK_EVERY, ASKS, FORGET, GIVE_UP, TELL_EVERY, TELL_WITHIN, WANT_EVERY
 from rmr.load.robot_fit import UnfitError
 
