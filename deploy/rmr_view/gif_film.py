@@ -11,12 +11,10 @@ from typing import Any, Final
 
 from PIL import Image, ImageDraw, ImageFont
 
-from rmr_view.animation import quick_motion
-from rmr_view.floor_drawing import FloorDrawing
-from rmr_view.keyframes import HOLD_S
+from rmr_view.animation import HOLD_S, quick_motion
 from rmr_view.run_data import RunData, Track
 from rmr_view.run_pictures import time_end
-from rmr_view.svg_picture import KIND_COLOURS, ROBOT_COLOURS, THEMES, VERMILION, Scale
+from rmr_view.svg_picture import KIND_COLOURS, ROBOT_COLOURS, THEMES, VERMILION, FloorDrawing, Scale
 
 WIDTH: Final = 720
 FLOOR_HEIGHT: Final = 420

@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import accumulate
 from typing import Any, Final
 
-from rmr_view.floor_drawing import FLOOR_STYLE, FloorDrawing
 from rmr_view.run_data import RunData, thinned
 from rmr_view.svg_picture import (
+    FLOOR_STYLE,
     KIND_COLOURS,
     LABEL_STYLE,
     LEFT,
     WIDTH,
+    FloorDrawing,
     Scale,
     SvgPicture,
     deadline_path,

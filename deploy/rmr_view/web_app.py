@@ -30,9 +30,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rmr.base.mistake import words
 from rmr_view.access_guard import TOKEN_HEADER, AccessGuard
-from rmr_view.broadcast import Broadcast
+from rmr_view.broadcast import Broadcast, PageClient, json_text
 from rmr_view.control_order import STEERING, checked_order
-from rmr_view.page_client import PageClient, json_text
 from rmr_view.run_source import ENTRIES_MAX, RequestRefusedError, RunSource, WhyOptions
 
 PAGE = Path(__file__).with_name("page")

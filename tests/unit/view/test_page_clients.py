@@ -8,7 +8,7 @@ from contextlib import ExitStack
 import pytest
 from served_page import ROBOTS, FilledSource, heard, served
 
-from rmr_view.page_client import QUEUED_MAX, EntryBatch, PageClient
+from rmr_view.broadcast import QUEUED_MAX, EntryBatch, PageClient
 
 
 def poses(i):

@@ -17,9 +17,8 @@ from rmr.record.record_writer import RecordWriter
 from rmr.record.recording import Message
 from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
-from rmr_view.animation import OCTETS_MAX, animation
+from rmr_view.animation import HOLD_S, OCTETS_MAX, Keyframes, animation
 from rmr_view.gif_film import film_of
-from rmr_view.keyframes import HOLD_S, Keyframes
 from rmr_view.plot import main
 from rmr_view.run_data import POSES_MAX, RunData, Track, read_run
 from rmr_view.run_pictures import JOBS_MAX, PICTURES, lateness, radio, trajectories, turns
