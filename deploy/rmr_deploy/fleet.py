@@ -46,15 +46,10 @@ def _length_s(text: str) -> float:
 # --- options
 
 
-def _declare_place(parser: "Parser") -> None:
-    """Declare which run is meant."""
-    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
-    parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
-
-
 def _declare_places(parser: "Parser") -> None:
     """Declare which run is meant, of this machine or of others."""
-    _declare_place(parser)
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
+    parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     declare_connect(parser)
 
 
@@ -139,7 +134,7 @@ def _declare_restart(parser: "Parser") -> None:
 def _declare_usage(parser: "Parser") -> None:
     parser.flag("--once", help="Once, instead of each second until the run is over.")
     _declare_json(parser)
-    _declare_place(parser)
+    _declare_places(parser)
 
 
 def _declare_facts(parser: "Parser") -> None:
@@ -150,7 +145,7 @@ def _declare_facts(parser: "Parser") -> None:
 
 
 def _declare_config(parser: "Parser") -> None:
-    _declare_place(parser)
+    _declare_places(parser)
     parser.positional("source", "LAB", count="?", usage="[LAB]")
 
 
@@ -182,7 +177,7 @@ def _declare_wait(parser: "Parser") -> None:
     from rmr.entry.command_line import real
 
     parser.option("-t", "--timeout", dest="timeout_s", metavar="S", read=real(0), help="Seconds to wait at most.")
-    _declare_place(parser)
+    _declare_places(parser)
 
 
 # --- verbs
@@ -287,8 +282,8 @@ VERBS: dict[str, Row] = {
 ABOUT = """\
 Show and steer labs that run.
 
-A verb means the only lab that runs on this machine; if several run, choose with --run or --lab. With --connect many of
-them mean a lab over several hosts that runs on other machines.
+A verb means the only lab that runs on this machine; if several run, choose with --run or --lab. With --connect they
+mean a lab over several hosts that runs on other machines.
 """
 
 
@@ -302,7 +297,7 @@ def command() -> "CommandGroup":
 
             if perform is _attach:
                 return performed(name, lambda: _attach(**options))
-            acts = name not in ("ps", "logs", "events", "facts")
+            acts = name not in ("ps", "logs", "events", "facts", "stats", "config", "wait")
             return performed(name, lambda: at_place(perform, acts=acts, **options))
 
         return carry_out

@@ -16,7 +16,7 @@ from typing import Any
 
 from rmr.entry import ExitCode, print_json
 from rmr_deploy.active_runs import LAB_COPY, REPORT_FILE, LaunchedRun, active_runs, past_runs
-from rmr_deploy.process_identity import stat_fields
+from rmr_deploy.process_identity import stat_fields, usage_of
 from rmr_deploy.run_choice import FleetError, Remote, Steered, check_robots, chosen_run, shown, where_it_looks
 from rmr_deploy.run_requests import RequestError
 
@@ -182,9 +182,12 @@ def _age_s(pid: int) -> float | None:
 # --- stats
 
 
-def show_usage(folder: Path | None, lab: str | None, *, once: bool, as_json: bool) -> int:
-    """Print what the processes of a run use, again and again until it is over unless `once`. Raises FleetError."""
-    run = chosen_run(folder, lab)
+def show_usage(folder: Path | None, lab: str | None, *, once: bool, as_json: bool, there: Remote | None = None) -> int:
+    """Print what the processes of a run use, or of the lab that runs `there`, each second until it is over.
+
+    Only one time with `once`. Raises FleetError.
+    """
+    run = there or chosen_run(folder, lab)
     rows = usage_rows(run, {})
     on_terminal = sys.stdout.isatty() and not once and not as_json
     with suppress(KeyboardInterrupt):  # the usual way out
@@ -194,26 +197,24 @@ def show_usage(folder: Path | None, lab: str | None, *, once: bool, as_json: boo
             else:
                 print(f"{CLEAR if on_terminal else ''}{_usage_text(rows)}")
             sys.stdout.flush()
-            if once or not run.active:
+            if once or not (run.active if isinstance(run, LaunchedRun) else run.launched):
                 break
             time.sleep(PERIOD_S)
             rows = usage_rows(run, {row["name"]: row for row in rows})
     return ExitCode.OK
 
 
-def usage_rows(run: LaunchedRun, before: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+def usage_rows(run: LaunchedRun | Remote, before: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each living process.
 
     `cpu_percent` is that since the rows `before`, or since the start of a process that is not among them.
     """
     rows = []
+    told = {} if isinstance(run, LaunchedRun) else run.usage()
     for process in process_rows(run):
         if process["exit_code"] is not None or process["state"] == "ended" or process["pid"] is None:
             continue  # it has ended, or is another host's
-        now_s = time.monotonic()
-        fields = stat_fields(process["pid"])
-        cpu_s = None if fields is None else (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-        memory = None if fields is None else int(fields[21]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+        cpu_s, memory_mb, now_s = told.get(process["name"]) or usage_of(process["pid"])
         earlier = before.get(process["name"], {"cpu_s": 0.0, "sampled_s": now_s - (process["up_s"] or 0.0)})
         span_s = now_s - earlier["sampled_s"]
         percent = None if cpu_s is None or span_s <= 0.0 else 100.0 * (cpu_s - (earlier["cpu_s"] or 0.0)) / span_s
@@ -222,7 +223,7 @@ def usage_rows(run: LaunchedRun, before: dict[str, dict[str, Any]]) -> list[dict
                 **{key: process[key] for key in ("name", "robot", "state", "pid", "up_s", "ticks_late")},
                 "cpu_s": cpu_s,
                 "cpu_percent": None if percent is None else round(percent, 1),
-                "memory_mb": None if memory is None else round(memory, 1),
+                "memory_mb": memory_mb,
                 "sampled_s": now_s,
             }
         )
@@ -293,20 +294,31 @@ def _listed(part: dict[str, Any]) -> list[str]:
     return [str(fact) for fact in part.get("facts", [])]
 
 
-def show_config(source: Path | None, *, folder: Path | None, lab: str | None) -> int:
-    """Print the lab of a run, or the lab in `source`, with all defaults. Raises FleetError."""
+def show_config(source: Path | None, *, folder: Path | None, lab: str | None, there: Remote | None = None) -> int:
+    """Print the lab of a run, of the lab that runs `there`, or the lab in `source`, with all defaults.
+
+    Raises FleetError.
+    """
     if source is not None:
-        if folder is not None or lab is not None:
-            raise FleetError("LAB goes without --run and --lab")
+        if folder is not None or lab is not None or there is not None:
+            raise FleetError("LAB goes without --run, --lab and --connect")
         from rmr_deploy.resolved_lab import resolved_file  # noqa: PLC0415 - loads the checks of lab files
 
-        print(json.dumps(resolved_file(source), indent=2))
+        found = resolved_file(source)
+    elif there is not None:
+        found = there.config()
+    else:
+        print(_lab_copy(chosen_run(folder, lab, past=True)), end="")
         return ExitCode.OK
-    run = chosen_run(folder, lab, past=True)
+    print(json.dumps(found, indent=2))
+    return ExitCode.OK
+
+
+def _lab_copy(run: LaunchedRun) -> str:
+    """Return the resolved lab in the run folder. Raises FleetError."""
     path = run.folder / LAB_COPY
     try:
-        print(path.read_text(), end="")
+        return path.read_text()
     except OSError as error:
         message = f"the lab of this run is not known: {shown(path)}: {error.strerror}"
         raise FleetError(f"{message}; of a lab file: rmr config LAB", ExitCode.FAILED) from None
-    return ExitCode.OK

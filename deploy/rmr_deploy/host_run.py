@@ -23,6 +23,8 @@ from rmr_deploy.host_share import HostShare
 from rmr_deploy.launch import FINAL_S_MAX, LEAVE_S_MAX, LabRun
 from rmr_deploy.preparation import RunPlan
 from rmr_deploy.process_group import Child
+from rmr_deploy.process_identity import usage_of
+from rmr_deploy.resolved_lab import resolved_lab
 from rmr_deploy.robot_lives import told_facts
 from rmr_deploy.run_end import patiently, who_came_back, who_ended
 from rmr_deploy.run_logs import told_log
@@ -246,6 +248,11 @@ class HostRun(LabRun):
             return told_facts(self.monitor, request.get("robot"))
         if request.get("do") == "logs":
             return told_log(self.plan.folder, request)
+        if request.get("do") == "usage":
+            pids = {"launcher": os.getpid()} | {child.name: child.pid for child in self._processes.children}
+            return {"lab": self.plan.lab.name, "usage": {name: usage_of(pid) for name, pid in pids.items()}}
+        if request.get("do") == "config":
+            return resolved_lab(self.plan.lab)
         status = self._answer({"do": "status"})
         assert isinstance(status, Mapping)
         launcher = {"name": "launcher", "pid": os.getpid(), "state": "running", "exit_code": None}

@@ -6,6 +6,7 @@ with each id, and whoever signals a process by a record compares both first.
 
 import os
 import sys
+import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -34,6 +35,16 @@ def stat_fields(pid: int) -> list[str] | None:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return None
+
+
+def usage_of(pid: int) -> tuple[float | None, float | None, float]:
+    """Return processor time (s) and memory (MB) of a process, where they are known, and when that was (monotonic)."""
+    now_s = time.monotonic()
+    fields = stat_fields(pid)
+    if fields is None:
+        return None, None, now_s
+    cpu_s = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return cpu_s, round(int(fields[21]) * os.sysconf("SC_PAGE_SIZE") / 1e6, 1), now_s
 
 
 def lives(pid: object, mark: object = None) -> bool:

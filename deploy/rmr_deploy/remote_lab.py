@@ -9,6 +9,7 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr_deploy.disturb import WorldAddress, ask_world, find, keys_of, open_at
 from rmr_deploy.event_log import EVENTS_FILE
+from rmr_deploy.host_company import GONE_S
 from rmr_deploy.run_choice import FleetError, Remote
 from rmr_deploy.run_logs import RunLogs
-from rmr_deploy.run_requests import UnansweredError, read_answer, told_by
+from rmr_deploy.run_requests import RequestError, UnansweredError, read_answer, told_by
 
 
 @contextmanager
@@ -151,6 +153,25 @@ class RemoteLab:
                 rows[name] += _rows_of(host, teller[name], word, itself=host in told)
         return {**told[self.hub], **rows}
 
+    def usage(self) -> dict[str, tuple[float | None, float | None, float]]:
+        """Return what each process of the hosts that answer uses, by its name with the host."""
+        told = self._asked(self._keys.look("*"), {"do": "usage"})
+        return {
+            f"{host}/{name}": tuple(each)
+            for (_, host), answer in told.items()
+            for name, each in answer["usage"].items()
+        }
+
+    def config(self) -> dict[str, Any]:
+        """Return the lab as the world's host has it. Raises FleetError."""
+        try:
+            answers = self._answers(self._keys.look(self.hub), {"do": "config"})
+        except RequestError as error:  # a lab that is too long for a message
+            raise FleetError(str(error), ExitCode.FAILED) from None
+        if not answers:
+            raise FleetError(self._hub_is_silent, ExitCode.FAILED)
+        return answers[0][1]
+
     # --- logs
 
     def logs(self, robots: Sequence[int], *, events_only: bool) -> list[RunLogs]:
@@ -164,6 +185,23 @@ class RemoteLab:
         return answers[0][1] if answers else {}
 
     # --- end
+
+    def wait_for_end(self, timeout_s: float | None) -> tuple[bool, str]:
+        """Wait until the run is over; return whether it has finished, and a sentence. Raises FleetError."""
+        end = time.monotonic() + (inf if timeout_s is None else timeout_s)
+        heard_s = time.monotonic()
+        while self.launched:
+            if time.monotonic() > end:
+                raise FleetError(f"lab {self.lab} still runs after {timeout_s:g} s", ExitCode.FAILED)
+            if self.hub in self._heard:
+                del self._heard[self.hub]
+                heard_s = time.monotonic()
+            if time.monotonic() - heard_s > GONE_S:
+                raise FleetError(f"{self._hub_is_silent}, for {GONE_S:g} s", ExitCode.FAILED)
+            self._runner.run(asyncio.sleep(0.05))
+        over = self._heard[self.hub]
+        report = f"the report is on host {self.hub}, in {over.folder}"
+        return over.finished, f"lab {self.lab}: {over.reason}; {report}"
 
     def bring_down(self, timeout_s: float) -> str:
         """End the lab on all hosts; return a sentence. Raises FleetError."""

@@ -56,6 +56,15 @@ class Remote(Steered, Protocol):
     def hub(self) -> str:
         """The host with the world."""
 
+    def usage(self) -> dict[str, tuple[float | None, float | None, float]]:
+        """Return what each process uses, as `rmr_deploy.process_identity.usage_of` tells. Raises FleetError."""
+
+    def config(self) -> dict[str, Any]:
+        """Return the lab with all defaults. Raises FleetError."""
+
+    def wait_for_end(self, timeout_s: float | None) -> tuple[bool, str]:
+        """Wait until the run is over; return whether it has finished, and a sentence. Raises FleetError."""
+
     def bring_down(self, timeout_s: float) -> str:
         """End the lab on all hosts; return a sentence. Raises FleetError."""
 

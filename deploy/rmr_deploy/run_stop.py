@@ -97,8 +97,15 @@ def wait_until(claim: Callable[[], bool], patience_s: float | None = None) -> bo
     return True
 
 
-def wait_for_end(folder: Path | None, lab: str | None, *, timeout_s: float | None) -> int:
-    """Wait until a run is over; return the exit code of its `rmr up`. Raises FleetError."""
+def wait_for_end(folder: Path | None, lab: str | None, *, timeout_s: float | None, there: Remote | None = None) -> int:
+    """Wait until a run is over; return the exit code of its `rmr up`. Raises FleetError.
+
+    Of the lab that runs `there` only whether it has finished is known.
+    """
+    if there is not None:
+        finished, said = there.wait_for_end(timeout_s)
+        print(said)
+        return ExitCode.OK if finished else ExitCode.FAILED
     run = chosen_run(folder, lab, past=True)
     if not wait_until(lambda: not run.launched, timeout_s):
         raise FleetError(f"lab {run.lab} still runs after {timeout_s:g} s", ExitCode.FAILED)

@@ -100,6 +100,8 @@ def test_one_command_on_each_host_makes_one_lab(hosts):
     b = hosts.up("b")
     for started in (a, b, c):
         started.wait_for("robots ready after")
+    waited = hosts.ask("d", "wait", *hosts.place)
+    assert (waited.returncode, "every robot holds the finish fact; the report is on" in waited.stdout) == (0, True)
     assert [started.process.wait(120) for started in (a, b, c)] == [0, 0, 0], [one.said() for one in (a, b, c)]
     report = hosts.report()
     assert (report["finished"], sorted(report["robots"])) == (True, list("123456"))
@@ -313,6 +315,11 @@ def test_a_lab_is_shown_steered_and_ended_from_a_machine_that_is_no_host(hosts):
     assert ask("pause", "2,5").stdout == "robot 2 is paused\nrobot 5 is paused\n"
     assert ask("unpause", "2").stdout == "robot 2 is going on\n"  # 5 keeps the run from its end meanwhile
     assert "due(@1, " in ask("facts", "1").stdout
+    assert list(json.loads(ask("config").stdout)["hosts"]) == []
+    used = json.loads(ask("stats", "--once", "--json").stdout)["processes"]
+    assert {row["name"] for row in used} == {*names[1:], "c/robot-4.1"} - {"c/robot-4"}
+    assert all(row["cpu_s"] > 0 and row["memory_mb"] > 1 for row in used)
+    assert ask("wait", "-t", "0.2").stderr == "rmr wait: lab corridor still runs after 0.2 s\n"
     assert "c/rmr up   kill robot 4" in ask("events").stdout
     for words, code, why in (
         (("kill", "9"), 2, "rmr kill: lab corridor has no robot 9: it has 1-6\n"),
@@ -323,12 +330,19 @@ def test_a_lab_is_shown_steered_and_ended_from_a_machine_that_is_no_host(hosts):
     whose = {line.split()[2] for line in ask("logs", "6").stdout.splitlines()}
     assert whose == {"c/robot-6", "a/rmr", "c/rmr"}, "what the robot writes, and what its launchers say of it"
     follows = [*hosts.network.on("d"), sys.executable, "-m", "rmr", "events", "-f", *map(str, hosts.place)]
-    with subprocess.Popen(follows, stdout=subprocess.PIPE, text=True) as followed:
+    waits = ["wait" if word == "events" else word for word in follows if word != "-f"]
+    with (
+        subprocess.Popen(follows, stdout=subprocess.PIPE, text=True) as followed,
+        subprocess.Popen(waits, stdout=subprocess.PIPE, text=True) as waiting,
+    ):
         assert "lab corridor starts" in followed.stdout.readline()
         said = ask("down").stdout
         assert "a/rmr up   interrupted" in followed.stdout.read()
+        told = waiting.stdout.read()
     assert said == f"lab corridor is down on host a, b, c; the report is on host a, in {hosts.folder / 'a'}\n"
     assert followed.returncode == 0
+    assert told == f"lab corridor: interrupted; the report is on host a, in {hosts.folder / 'a'}\n"
+    assert waiting.returncode == 1, "it has not finished"
     assert ended(started) == {"a": 1, "b": 1, "c": 1}
     assert hosts.report()["reason"] == "interrupted"
 

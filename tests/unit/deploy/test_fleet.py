@@ -375,7 +375,7 @@ def test_processor_time_memory_facts_and_lab_of_a_run_are_shown(start):
     lab = json.loads(rmr("config").stdout)
     assert (lab["lab"], lab["duration_s"], lab["seed"], lab["robots"][1]["id"]) == ("standin", 600.0, 0, 2)
     assert json.loads(rmr("config", "standin").stdout) == lab
-    assert "LAB goes without --run and --lab" in refused(rmr("config", "standin", "--lab", "standin"))
+    assert "LAB goes without --run, --lab and --connect" in refused(rmr("config", "standin", "--lab", "standin"))
     rmr("down")
     run.wait()
     assert json.loads(rmr("config", "--run", "run-standin").stdout) == lab
