@@ -1,14 +1,16 @@
-"""`rmr export`: files by which systemd or compose starts each host's share of a lab.
+"""`rmr export`: files by which systemd, compose or Kubernetes starts each host's share of a lab.
 
 What they start is what a person would type on that host: a router, the world, a process for each robot. The same lab,
-hosts and options give the same octets.
+hosts and options give the same octets. In Kubernetes a host is a Pod: its containers share one network, as a machine's
+processes do, and each is started again by itself.
 """
 # ruff: noqa: PLC0415 - see rmr.entry: help loads neither lab nor YAML
 
+import re
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from rmr_world.lab import Lab, LabHost
 
 ABOUT = """\
-Write what starts the processes of LAB on each of its hosts: units of systemd, or a file for docker compose.
+Write what starts the processes of LAB on its hosts: units of systemd, or files for docker compose or Kubernetes.
 
 DIR gets the folder lab, with the lab's files and its program as byte-code, and a folder for each host.
 """
@@ -27,6 +29,24 @@ USER = 10001
 """In containers: not root."""
 PROBE = "import socket,sys; socket.create_connection((sys.argv[1], int(sys.argv[2])), 5).close()"
 """Health of a process in a container: its router can be reached."""
+COPY = """\
+import os, pathlib
+os.umask(0o077)
+for folder, inner, files in os.walk("/given", followlinks=True):
+    inner[:] = [name for name in inner if not name.startswith("..")]
+    target = pathlib.Path("/admission", os.path.relpath(folder, "/given"))
+    target.mkdir(parents=True, exist_ok=True)
+    for name in files:
+        (target / name).write_bytes(pathlib.Path(folder, name).read_bytes())
+"""
+"""Copies secret or keys to where they are the process's own."""
+CONFIG_MAP_OCTETS_MAX = 1 << 20
+CONTAINED = {
+    "allowPrivilegeEscalation": False,
+    "readOnlyRootFilesystem": True,
+    "capabilities": {"drop": ["ALL"]},
+}
+"""What a container of Kubernetes may do."""
 HARDENED = """\
 User=rmr
 UMask=0077
@@ -69,7 +89,7 @@ def _declare(parser: "Parser") -> None:
     from rmr.entry.command_line import one_of
     from rmr_world.provided_labs import existing_lab
 
-    parser.positional("engine", "systemd|compose", read=one_of(("systemd", "compose")), help="what is to start them")
+    parser.positional("engine", "|".join(ENGINES), read=one_of(tuple(ENGINES)), help="what is to start them")
     parser.positional("lab", "LAB", read=existing_lab, help="the lab file, its folder or a provided lab")
     parser.option("--hosts", metavar="FILE", read=Path, help="which host has what (default: `hosts` of the lab file)")
     parser.option("-o", "--output", metavar="DIR", read=Path, required=True, help="a folder that is new or empty")
@@ -111,13 +131,15 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     if opened and found.mtls:
         print("rmr export: --open goes without `security: mtls` of the lab", file=sys.stderr)
         return ExitCode.USAGE
-    if wrong := _unfit(shares):
+    if wrong := _unfit(found, shares, engine):
         print(f"rmr export: {wrong}", file=sys.stderr)
         return ExitCode.USAGE
     try:
         files = {"lab/program.rbc": octets, **_lab_files(found)}
+        if engine == "k8s":
+            files |= _kustomization(found, shares, files, opened)
         for share in shares:
-            files |= (_systemd if engine == "systemd" else _compose)(found, share, shares, opened)
+            files |= ENGINES[engine](found, share, shares, opened)
         if output.exists() and (not output.is_dir() or any(output.iterdir())):
             print(f"rmr export: {output} is there already and not empty: name another folder", file=sys.stderr)
             return ExitCode.USAGE
@@ -135,7 +157,7 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     return ExitCode.OK
 
 
-def _unfit(hosts: Sequence["LabHost"]) -> str:
+def _unfit(lab: "Lab", hosts: Sequence["LabHost"], engine: str) -> str:
     """Return why `hosts` cannot be exported; nothing where they can."""
     from rmr.bus.endpoint import is_loopback
     from rmr_world.hosts import hub
@@ -143,6 +165,10 @@ def _unfit(hosts: Sequence["LabHost"]) -> str:
     if any(host.name == "lab" for host in hosts):
         return "a host cannot have the name lab, which is that of the folder with the lab's files"
     first = hub(hosts)
+    if engine == "k8s":
+        longest = max((_k8s_name(lab, host.name) for host in hosts), key=len)
+        too_long = f"{longest} is too long for a name in Kubernetes, of 63 characters: shorten the lab's or the host's"
+        return too_long if len(longest) > 63 else ""
     if len(hosts) > 1 and is_loopback(first.endpoint("tcp")):
         return f"no other host reaches {first.name} at {first.address}: give it an address of its network under hosts"
     return ""
@@ -275,6 +301,197 @@ def _compose(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bo
         services[name] = service
     text = yaml.safe_dump({"name": f"rmr-{lab.name}-{host.name}", "services": services}, sort_keys=False, width=1000)
     return {f"{host.name}/compose.yaml": text.encode()}
+
+
+# --- Kubernetes
+
+
+def _k8s_name(lab: "Lab", *parts: str) -> str:
+    """Return the name of an object of `lab`: names there have no underscore."""
+    return "-".join(("rmr", lab.name.replace("_", "-"), *parts))
+
+
+def _kustomization(
+    lab: "Lab", hosts: Sequence["LabHost"], files: Mapping[str, bytes], opened: bool
+) -> dict[str, bytes]:
+    """Return the file that `kubectl apply -k` reads: the Pods of `hosts`, and their volumes from files beside it.
+
+    Raises ValueError.
+    """
+    import yaml
+
+    if odd := next((name for name in files if "=" in name), None):
+        raise ValueError(f"{odd}: kubectl takes no name of a file with = in it: rename the file")
+    if (size := sum(map(len, files.values()))) > CONFIG_MAP_OCTETS_MAX:
+        raise ValueError(
+            f"the files of lab {lab.name} have {size} octets, and a ConfigMap of Kubernetes {CONFIG_MAP_OCTETS_MAX} "
+            "at most: export it for another engine"
+        )
+    made: dict[str, Any] = {
+        "apiVersion": "kustomize.config.k8s.io/v1beta1",
+        "kind": "Kustomization",
+        "resources": [f"{host.name}/kubernetes.yaml" for host in hosts],
+        "images": [{"name": "rmr", "newName": "rmr", "newTag": "latest"}],
+        "configMapGenerator": [
+            {"name": _k8s_name(lab, "lab"), "files": [f"{key}={file}" for key, file in _lab_keys(list(files))]}
+        ],
+    }
+    if lab.mtls:
+        processes = [name for host in hosts for name in _processes(host)]
+        made["secretGenerator"] = [
+            {"name": _k8s_name(lab, "keys", name), "files": [f"keys/{name}/{file}" for file in _bundle_files(name)]}
+            for name in dict.fromkeys(processes)
+        ]
+    elif not opened:
+        made["secretGenerator"] = [{"name": _k8s_name(lab, "secret"), "files": ["secret"]}]
+    return {"kustomization.yaml": yaml.safe_dump(made, sort_keys=False, width=1000).encode()}
+
+
+def _lab_keys(files: Sequence[str]) -> list[tuple[str, str]]:
+    """Return a key for each of the lab's `files` in a ConfigMap, whose keys are no paths."""
+    names = [(file, file.removeprefix("lab/")) for file in files if file.startswith("lab/")]
+    plain = re.compile(r"[A-Za-z0-9_][-._A-Za-z0-9]{0,200}")
+    return [(name if plain.fullmatch(name) else f".file-{i}", file) for i, (file, name) in enumerate(names)]
+
+
+def _processes(host: "LabHost") -> list[str]:
+    """Return the names of the processes of `host`."""
+    own = [name for name, there in (("router", host.has_router), ("world", host.has_world)) if there]
+    return [*own, *(f"robot-{robot}" for robot in host.robots)]
+
+
+def _bundle_files(process: str) -> list[str]:
+    """Return the names of the keys of a process, as `rmr keys bundle` writes them."""
+    from rmr.bus.certificates import CA_FILE, CERTIFICATE_FILE, KEY_FILE, MEMBERS_FILE, REVOKED_FILE
+
+    lists = [REVOKED_FILE] if process.startswith("robot-") else [REVOKED_FILE, MEMBERS_FILE]
+    return [CA_FILE, CERTIFICATE_FILE, KEY_FILE, *lists]
+
+
+def _kubernetes(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> dict[str, bytes]:
+    """Return the objects of `host`: its Pod, the volume of its recordings, and the name by which others reach it."""
+    import yaml
+
+    from rmr_world.hosts import hub
+
+    own = _k8s_name(lab, host.name)
+    labels = {"app.kubernetes.io/part-of": _k8s_name(lab), "app.kubernetes.io/component": host.name}
+    about = {"name": own, "labels": labels}
+    claim = {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": "1Gi"}}}
+    objects: list[dict[str, Any]] = [
+        {"apiVersion": "v1", "kind": "PersistentVolumeClaim", "metadata": about, "spec": claim},
+        {
+            "apiVersion": "apps/v1",
+            "kind": "Deployment",
+            "metadata": about,
+            "spec": {
+                "replicas": 1,
+                "strategy": {"type": "Recreate"},  # no robot is there twice
+                "selector": {"matchLabels": labels},
+                "template": {"metadata": {"labels": labels}, "spec": _pod(lab, host, hosts, opened)},
+            },
+        },
+    ]
+    if host == hub(hosts):
+        # Others connect before it is ready: their robots are part of that.
+        service = {"selector": labels, "ports": [{"port": host.port}], "publishNotReadyAddresses": True}
+        objects.append({"apiVersion": "v1", "kind": "Service", "metadata": about, "spec": service})
+    dumper = type("Plain", (yaml.SafeDumper,), {"ignore_aliases": lambda *_: True})
+    text = yaml.dump_all(objects, Dumper=dumper, sort_keys=False, width=1000)
+    return {f"{host.name}/kubernetes.yaml": text.encode()}
+
+
+def _pod(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> dict[str, Any]:
+    """Return the Pod of `host`."""
+    containers = _containers(lab, host, hosts, opened)
+    given = [] if opened else _given(lab, [each["name"] for each in containers])
+    own = {"runAsNonRoot": True, "runAsUser": USER, "runAsGroup": USER, "fsGroup": USER}
+    others = {"matchLabels": {"app.kubernetes.io/part-of": _k8s_name(lab)}}
+    spread = {"maxSkew": 1, "topologyKey": "kubernetes.io/hostname", "whenUnsatisfiable": "ScheduleAnyway"}
+    pod: dict[str, Any] = {
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "terminationGracePeriodSeconds": 10,
+        "securityContext": {**own, "seccompProfile": {"type": "RuntimeDefault"}},
+        "topologySpreadConstraints": [{**spread, "labelSelector": others}],
+    }
+    if given:
+        # A volume of Kubernetes is readable by the group of its Pod, which no process here takes for secret.
+        copied = {"name": "admission", "image": "rmr", "command": ["python", "-c", COPY], "securityContext": CONTAINED}
+        mounts = [_mount("given", "/given", readOnly=True), _mount("admission", "/admission")]
+        pod["initContainers"] = [{**copied, "volumeMounts": mounts}]
+    keys = _lab_keys(["lab/program.rbc", *_lab_files(lab)])
+    items = [{"key": key, "path": file.removeprefix("lab/")} for key, file in keys]
+    pod["containers"] = containers
+    pod["volumes"] = [
+        {"name": "lab", "configMap": {"name": _k8s_name(lab, "lab"), "items": items}},
+        {"name": "record", "persistentVolumeClaim": {"claimName": _k8s_name(lab, host.name)}},
+        {"name": "tmp", "emptyDir": {}},
+    ]
+    if given:
+        pod["volumes"] += [
+            {"name": "given", "projected": {"sources": given}},
+            {"name": "admission", "emptyDir": {"medium": "Memory"}},
+        ]
+    return pod
+
+
+def _containers(lab: "Lab", host: "LabHost", hosts: Sequence["LabHost"], opened: bool) -> list[dict[str, Any]]:
+    """Return the containers of `host`, one for each process."""
+    from rmr.bus.endpoint import host_and_port
+
+    # Within the cluster a host is reached by the name of its Service, whatever its address is elsewhere.
+    reached = [replace(one, address=_k8s_name(lab, one.name)) for one in hosts]
+    places = Places("", "/lab", "/keys" if lab.mtls else "/secret", "/record", contained=True)
+    containers: list[dict[str, Any]] = []
+    for name, words in _commands(lab, reached[hosts.index(host)], reached, places, opened=opened):
+        flag = "--listen" if name == "router" else "--connect"
+        address, port = host_and_port(words[words.index(flag) + 1])
+        reach = [address.replace("0.0.0.0", "127.0.0.1"), str(port)]
+        test = {"exec": {"command": ["python", "-c", PROBE, *reach]}}
+        probe: dict[str, Any] = {**test, "periodSeconds": 10, "timeoutSeconds": 6}
+        mounts = [_mount("lab", "/lab", readOnly=True), _mount("record", "/record"), _mount("tmp", "/tmp")]
+        if lab.mtls:
+            mounts.append(_mount("admission", f"/keys/{name}", subPath=f"keys/{name}", readOnly=True))
+        elif not opened:
+            mounts.append(_mount("admission", "/secret", subPath="secret", readOnly=True))
+        container: dict[str, Any] = {
+            "name": name,
+            "image": "rmr",
+            "command": [word.replace("$(", "$$(") for word in words],
+            "readinessProbe": probe,
+            # No limit of the processor: a process that is held back misses its ticks.
+            "resources": {"requests": {"cpu": "100m", "memory": "128Mi"}},
+            "securityContext": CONTAINED,
+            "volumeMounts": mounts,
+        }
+        if name == "router":  # what cannot reach a router is not started again for that: it waits
+            container["livenessProbe"] = {**probe, "initialDelaySeconds": 20}
+        containers.append(container)
+    return containers
+
+
+def _mount(name: str, path: str, **more: Any) -> dict[str, Any]:
+    return {"name": name, "mountPath": path, **more}
+
+
+def _given(lab: "Lab", processes: Sequence[str]) -> list[dict[str, Any]]:
+    """Return what lets `processes` in, as sources of one volume."""
+    if not lab.mtls:
+        return [{"secret": {"name": _k8s_name(lab, "secret")}}]
+    return [
+        {
+            "secret": {
+                "name": _k8s_name(lab, "keys", name),
+                "items": [{"key": file, "path": f"keys/{name}/{file}"} for file in _bundle_files(name)],
+            }
+        }
+        for name in processes
+    ]
+
+
+ENGINES = {"systemd": _systemd, "compose": _compose, "k8s": _kubernetes}
+"""What starts the processes, and what writes the files of a host for it."""
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.vm.generate.body": "the search of a body and that of a fold in it, which need each other",
     "rmr.vm.machine": "what both engines share: one state and the orders that change it",
     "rmr.vm.goal_ways": "one state: steps of the graph, found backwards and kept up to date fact by fact",
+    "rmr_deploy.export": "one list of commands, and the forms in which three engines are told them",
     "rmr_deploy.launch": "one run: its start, what it is watched for, and its end share one state",
     "rmr_world.server": "one process: what it is asked, what it steps and what it tells share one state and one clock",
     "rmr_world.schema": "the lab file, one model for each section of it",

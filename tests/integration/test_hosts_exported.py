@@ -1,10 +1,16 @@
-"""What `rmr export systemd` writes for three hosts starts one lab: its commands, each on its host, make one report."""
+"""What `rmr export systemd` writes for three hosts starts one lab: its commands, each on its host, make one report.
+
+Routers and robots have no packages there but those of the image that deploy/Dockerfile makes for them.
+"""
 
 import json
+import re
 import shlex
 import signal
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -16,6 +22,20 @@ from rmr.bus.secret import make_secret
 pytestmark = pytest.mark.slow
 
 MODULES = {"rmr": "rmr", "rmr-world": "rmr_world.main", "rmr-agent": "rmr_agent.main"}
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def missing_in_the_image():
+    """Return the modules of packages that RMR depends on, and the image of robots does not have."""
+    install = re.search("pip install .*versions.txt (cryptography .*)", (ROOT / "deploy" / "Dockerfile").read_text())
+    depends = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    there = set(install[1].split())
+    names = {re.match("[A-Za-z0-9-]+", each)[0].lower() for each in depends}
+    assert there < names
+    found = packages_distributions().items()
+    return sorted(module for module, of in found if {each.lower() for each in of} & (names - there))
 
 
 @pytest.fixture
@@ -57,10 +77,16 @@ def test_the_units_of_three_hosts_make_one_lab(tmp_path, network):
         "/var/lib/rmr-corridor": tmp_path,
     }
     stage = Stage(tmp_path)
+    missing = missing_in_the_image()
+    assert {"numpy", "pydantic", "pymunk", "PIL", "starlette"} <= set(missing)
+    (tmp_path / "image").mkdir()
+    barred = f"import sys\nsys.modules |= dict.fromkeys({missing})\n"
+    (tmp_path / "image" / "sitecustomize.py").write_text(barred)
     try:
         for host in "abc":
             for unit in sorted((out / host).glob("*.service")):
-                stage.start(*command_of(unit, folders), before=network.on(host))
+                image = [] if "world" in unit.name else ["env", f"PYTHONPATH={tmp_path / 'image'}"]
+                stage.start(*command_of(unit, folders), before=[*network.on(host), *image])
         endpoint = ("--connect", "tcp/127.0.0.1:17447", "--secret", tmp_path / "secret")
         watched = run("rmr", "attach", "corridor", *endpoint, "--json", "-t", 120, before=network.on("c"))
         assert watched.returncode == 0, watched.stderr

@@ -1,17 +1,24 @@
 """`rmr export`: the same octets from the same input, what they start, and what engines say of them."""
 
 import configparser
+import hashlib
+import json
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
+import jsonschema
 import pytest
 import yaml
 from command_runner import invoke
 from PIL import Image
 
-from rmr_deploy.export import command, exec_start
+import rmr_deploy.export
+from rmr.bus.authority import Authority, holder, write_bundle
+from rmr.bus.certificates import read_certificate
+from rmr_deploy.export import ENGINES, command, exec_start
 
 GOLDEN = Path(__file__).parent / "exported"
 HOSTS = """\
@@ -33,7 +40,7 @@ def files(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-@pytest.mark.parametrize("engine", ["systemd", "compose"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_the_same_input_gives_the_kept_octets(tmp_path, engine):
     assert export(tmp_path, engine).exit_code == 0
     assert export(tmp_path, engine, out="again").exit_code == 0
@@ -97,6 +104,162 @@ def test_services_are_not_root_and_read_only(tmp_path):
             assert (service["user"], service["read_only"], service["cap_drop"]) == ("10001:10001", True, ["ALL"])
             assert service["healthcheck"]["test"][0] == "CMD"
             assert ("ports" in service) == (path.parent.name == "a" and name == "router")
+
+
+# --- Kubernetes
+
+
+SCHEMAS = Path(__file__).with_name("kubernetes")
+KINDS = {
+    "Deployment": "io.k8s.api.apps.v1.Deployment",
+    "Service": "io.k8s.api.core.v1.Service",
+    "PersistentVolumeClaim": "io.k8s.api.core.v1.PersistentVolumeClaim",
+}
+
+
+def objects(folder):
+    """Return the objects of all hosts by kind and name, each of which its schema takes."""
+    found = {}
+    schemas = json.loads((SCHEMAS / "v1.31.json").read_text())
+    for path in sorted(folder.glob("*/kubernetes.yaml")):
+        for each in yaml.safe_load_all(path.read_text()):
+            jsonschema.validate(each, {**schemas, "$ref": f"#/definitions/{KINDS[each['kind']]}"})
+            found[each["kind"], each["metadata"]["name"]] = each
+    return found
+
+
+def test_the_schemas_of_kubernetes_are_those_that_were_taken():
+    for line in (SCHEMAS / "SHA256SUMS").read_text().splitlines():
+        told, name = line.split()
+        assert hashlib.sha256((SCHEMAS / name).read_bytes()).hexdigest() == told
+
+
+def test_kubernetes_takes_the_objects_of_each_host(tmp_path):
+    assert export(tmp_path, "k8s").exit_code == 0
+    found = objects(tmp_path / "out")
+    assert sorted(found) == [
+        *(("Deployment", f"rmr-corridor-{host}") for host in "abc"),
+        *(("PersistentVolumeClaim", f"rmr-corridor-{host}") for host in "abc"),
+        ("Service", "rmr-corridor-a"),
+    ]
+    broken = found["Deployment", "rmr-corridor-a"]
+    broken["spec"]["template"]["spec"]["containers"][0]["readOnly"] = True
+    path = tmp_path / "out" / "a" / "kubernetes.yaml"
+    path.write_text(yaml.safe_dump(broken))
+    with pytest.raises(jsonschema.ValidationError, match="'readOnly' was unexpected"):
+        objects(tmp_path / "out")
+
+
+def test_a_pod_starts_the_commands_of_its_host_not_as_root_and_read_only(tmp_path):
+    export(tmp_path, "k8s")
+    started = {}
+    for (kind, name), each in objects(tmp_path / "out").items():
+        if kind != "Deployment":
+            continue
+        pod = each["spec"]["template"]["spec"]
+        assert (pod["securityContext"]["runAsNonRoot"], pod["automountServiceAccountToken"]) == (True, False)
+        labels = each["spec"]["template"]["metadata"]["labels"]
+        assert each["spec"]["selector"]["matchLabels"] == labels
+        volumes = {volume["name"] for volume in pod["volumes"]}
+        for container in [*pod["initContainers"], *pod["containers"]]:
+            assert container["securityContext"]["readOnlyRootFilesystem"]
+            assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+            assert {mount["name"] for mount in container["volumeMounts"]} <= volumes
+        started |= {f"{name}/{one['name']}": " ".join(one["command"]) for one in pod["containers"]}
+        assert [one["name"] for one in pod["containers"] if "livenessProbe" in one] == (
+            ["router"] if name != "rmr-corridor-c" else []
+        )
+    secret = "--secret /secret"
+    assert started["rmr-corridor-a/router"] == f"rmr router --listen tcp/0.0.0.0:17447 {secret}"
+    joins = f"rmr router --listen tcp/127.0.0.1:17447 --connect tcp/rmr-corridor-a:17447 {secret}"
+    assert started["rmr-corridor-b/router"] == joins
+    assert "--connect tcp/127.0.0.1:17447" in started["rmr-corridor-b/robot-1"]
+    assert "--connect tcp/rmr-corridor-a:17447" in started["rmr-corridor-c/robot-4"]
+    service = objects(tmp_path / "out")["Service", "rmr-corridor-a"]["spec"]
+    assert service["selector"] == {
+        "app.kubernetes.io/part-of": "rmr-corridor",
+        "app.kubernetes.io/component": "a",
+    }
+    assert service["ports"] == [{"port": 17447}]
+
+
+def kustomization(folder):
+    """Return the file that kubectl reads first; all that it names is there, but for what a person puts there."""
+    made = yaml.safe_load((folder / "kustomization.yaml").read_text())
+    assert (made["apiVersion"], made["kind"]) == ("kustomize.config.k8s.io/v1beta1", "Kustomization")
+    known = {"apiVersion", "kind", "resources", "images", "configMapGenerator", "secretGenerator"}
+    assert made.keys() <= known, "fields of kustomize that were looked up in its reference"
+    assert all((folder / name).is_file() for name in made["resources"])
+    return made
+
+
+def test_the_files_of_the_lab_reach_a_pod_by_their_paths(tmp_path):
+    lab = tmp_path / "own"
+    (lab / "floor").mkdir(parents=True)
+    (lab / "work.rmr").write_text("done(R).\n")
+    (lab / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
+    Image.new("L", (20, 20), 255).save(lab / "floor" / "floor.png")
+    (lab / "lab.yaml").write_text(
+        "{lab: my_own, program: work.rmr, arena: {size: [1, 1]}, map: floor/map.yaml,"
+        " robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]}"
+    )
+    hosts = "hosts:\n  a: {world: true, robots: 1}\n"
+    assert export(tmp_path, "k8s", "--open", hosts=hosts, lab=str(lab)).exit_code == 0
+    out = tmp_path / "out"
+    made = kustomization(out)
+    assert "secretGenerator" not in made
+    (given,) = made["configMapGenerator"]
+    sources = dict(each.split("=") for each in given["files"])
+    (pod,) = [each["spec"]["template"]["spec"] for (kind, _), each in objects(out).items() if kind == "Deployment"]
+    (volume,) = [each["configMap"] for each in pod["volumes"] if each["name"] == "lab"]
+    assert volume["name"] == given["name"] == "rmr-my-own-lab"
+    placed = {item["path"]: sources[item["key"]] for item in volume["items"]}
+    assert placed == {name: f"lab/{name}" for name in ("program.rbc", "lab.yaml", "floor/map.yaml", "floor/floor.png")}
+    assert all((out / source).is_file() for source in placed.values())
+
+
+@pytest.mark.medium
+@pytest.mark.real
+def test_what_lets_processes_in_becomes_their_own(tmp_path):
+    """A volume of Kubernetes has symbolic links, and files that a group can read."""
+    lab = tmp_path / "lab"
+    shutil.copytree(Path(__file__).parents[3] / "deploy" / "labs" / "corridor", lab)
+    with (lab / "lab.yaml").open("a") as file:
+        file.write("bus: {security: mtls}\n")
+    assert export(tmp_path, "k8s", lab=str(lab)).exit_code == 0
+    secrets = {each["name"]: each["files"] for each in kustomization(tmp_path / "out")["secretGenerator"]}
+    ca = Authority.begin(tmp_path / "ca")
+    processes = {"router": holder("router", "a"), "world": holder("world"), "robot-1": holder("robot", "1")}
+    given = tmp_path / "given" / "..data" / "keys"
+    given.mkdir(parents=True)
+    (tmp_path / "given" / "keys").symlink_to("..data/keys")
+    for name, who in processes.items():
+        ca.issue(who, () if name == "robot-1" else ("rmr-corridor-a",))
+        write_bundle(ca.bundle(who), given / name)
+        wanted = {f"keys/{name}/{path.name}" for path in (given / name).iterdir()}
+        assert set(secrets[f"rmr-corridor-keys-{name}"]) == wanted
+        for path in (given / name).iterdir():
+            path.chmod(0o440)
+    pod = objects(tmp_path / "out")["Deployment", "rmr-corridor-a"]["spec"]["template"]["spec"]
+    sources = next(volume["projected"]["sources"] for volume in pod["volumes"] if volume["name"] == "given")
+    paths = {item["path"] for source in sources for item in source["secret"]["items"]}
+    assert {f"keys/{name}/key.pem" for name in ("router", "world")} <= paths
+    (copier,) = pod["initContainers"]
+    script = copier["command"][2].replace("/given", str(tmp_path / "given"))
+    subprocess.run([sys.executable, "-c", script.replace("/admission", str(tmp_path / "own"))], check=True)
+    for name, who in processes.items():
+        assert read_certificate(tmp_path / "own" / "keys" / name).holder == who
+    assert sorted(path.name for path in (tmp_path / "own").iterdir()) == ["keys"]
+
+
+def test_what_kubernetes_cannot_have_is_told(tmp_path, monkeypatch):
+    done = export(tmp_path, "k8s", hosts=HOSTS.replace("  b:", f"  {'b' * 60}:"))
+    told = f"rmr-corridor-{'b' * 60} is too long for a name in Kubernetes, of 63 characters: shorten the lab's or the"
+    assert (done.exit_code, told in done.stderr) == (2, True)
+    monkeypatch.setattr(rmr_deploy.export, "CONFIG_MAP_OCTETS_MAX", 1000)
+    done = export(tmp_path, "k8s")
+    assert (done.exit_code, "and a ConfigMap of Kubernetes 1000 at most: export it for" in done.stderr) == (2, True)
+    assert not (tmp_path / "out").exists()
 
 
 def test_without_a_secret_a_listener_is_open_on_purpose(tmp_path):
