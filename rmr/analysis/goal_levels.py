@@ -5,7 +5,8 @@ premises of the derivations of level k. A fact has the lowest level at which it 
 the facts that it derives. A cycle of rules ends where a pattern occurs again.
 
 A level is computed on the first request beyond the last one. The virtual machine asks for the facts that it holds; the
-compiler, which knows no facts, reads all patterns.
+compiler, which knows no facts, reads all patterns. The bounds of a robot's search for ranks (`rmr.vm.ranks`) stand here
+because `rmr check --explain` tells them.
 """
 
 from collections.abc import Callable, Iterable
@@ -24,6 +25,15 @@ from rmr.analysis.backward_chaining import (
 )
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Anything, Constant, Slot
+
+RANKING_STEPS = 5_000
+"""Steps of the search that one `run` may take: a few milliseconds of a tick of 16."""
+
+RANKING_RUNS_MAX = 600
+"""Runs in a row for which a machine waits for its ranks, 10 s of ticks: enough for a map of a million facts."""
+
+EDGES_MAX = 500_000
+"""Steps and nodes of one robot's graph, some 300 bytes each; beyond that nothing further is explored."""
 
 STEPS_MAX = 10_000
 """Search budget for one set of goals: derivations and premises, nearest first. Patterns beyond it have no rank."""

@@ -1,19 +1,39 @@
 """The value of an expression (paper III.A): a stack machine over the instructions of `rmr.bytecode.opcodes`.
 
 A call of a function of the program (APPLY) has a frame of its own: its arguments as slots, and a stack. Frames stand in
-a list, so that recursion in a program is none in the machine.
+a list, so that recursion in a program is none in the machine. One call may lead to calls nested at most
+`NESTED_CALLS_MAX` deep and to `CALLS_MAX` calls altogether; beyond that it has no value. Both engines count alike: a
+call is counted after its arguments have been evaluated and before its own expression is.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.time import Instant
-from rmr.base.values import Value
+from rmr.base.values import Value, format_value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, built, same, truth
 from rmr.bytecode.functions import FUNCTIONS, call
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code, OwnFunction
-from rmr.vm.own_functions import CALLS_MAX, NESTED_CALLS_MAX, beyond
+
+NESTED_CALLS_MAX: Final = 250
+"""Bound on the depth of nested calls: generated code recurses, and Python allows a thousand frames in all."""
+
+CALLS_MAX: Final = 10_000
+"""Calls that one call leads to: some milliseconds. A robot fires rules between two of its 60 ticks a second."""
+
+SHOWN_MAX: Final = 60
+"""Characters of the arguments that a message shows."""
+
+
+def beyond(name: str, depth: int, args: Sequence[Value]) -> NoValue:
+    """Return the reason why a call of a function at nesting depth `depth` has no value."""
+    shown = ", ".join([format_value(arg) for arg in args])
+    shown = shown if len(shown) <= SHOWN_MAX else shown[: SHOWN_MAX - 3] + "..."
+    if depth > NESTED_CALLS_MAX:
+        return NoValue(f"{name}({shown}): more than {NESTED_CALLS_MAX} calls within one another")
+    return NoValue(f"{name}({shown}): more than {CALLS_MAX} calls in one expression")
+
 
 __all__ = ["NoValue", "evaluate", "same"]
 

@@ -18,9 +18,8 @@ from rmr.vm.interpreter import UNRANKED
 from rmr.vm.machine_events import RuleFired
 from rmr.vm.ranks import PENDING
 from rmr.vm.rotor import ROTOR_MATCHES_MAX
-from rmr.vm.running import Running
+from rmr.vm.running import Entry, Running, Valued
 from rmr.vm.subgoals import purpose_of
-from rmr.vm.unfired import Entry, Valued
 from rmr.vm.urgency import UNURGENT, Urgency
 
 Ranked = tuple[int, int, Entry, Valued]

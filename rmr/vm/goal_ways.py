@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 
 from rmr.analysis.backward_chaining import Patterns, numbered, resolved
-from rmr.analysis.rank_budget import EDGES_MAX
+from rmr.analysis.goal_levels import EDGES_MAX
 from rmr.analysis.regressions import AbsentAtom, ChainOption, Check, Comparison, Regression, Regressions, Row, Terms
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, SELF_SLOT, Anything, Constant, Pattern, Slot

@@ -12,7 +12,7 @@ derives counts as those of its declared effects that are facts of this robot.
 from collections.abc import Iterator, Sequence
 
 from rmr.analysis.backward_chaining import Patterns
-from rmr.analysis.rank_budget import EDGES_MAX, RANKING_RUNS_MAX
+from rmr.analysis.goal_levels import EDGES_MAX, RANKING_RUNS_MAX
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, Constant, Program

@@ -19,8 +19,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from rmr.analysis.backward_chaining import HOME, Backwards, Patterns, Wanted
-from rmr.analysis.goal_levels import Levels
-from rmr.analysis.rank_budget import RANKING_RUNS_MAX, RANKING_STEPS
+from rmr.analysis.goal_levels import RANKING_RUNS_MAX, RANKING_STEPS, Levels
 from rmr.analysis.regressions import regressions_of
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot, Value

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from rmr.analysis.rank_budget import RANKING_RUNS_MAX
+from rmr.analysis.goal_levels import RANKING_RUNS_MAX
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Pattern, Program

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rmr.analysis.backward_chaining import HOME, resolved
-from rmr.analysis.goal_levels import STEPS_MAX
-from rmr.analysis.rank_budget import EDGES_MAX, RANKING_RUNS_MAX, RANKING_STEPS
+from rmr.analysis.goal_levels import EDGES_MAX, RANKING_RUNS_MAX, RANKING_STEPS, STEPS_MAX
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts
 from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees

@@ -45,6 +45,7 @@ from rmr.vm.generate.form import (
     Statement,
     Try,
     column,
+    tuple_of,
 )
 from rmr.vm.generate.known import NOTHING, Known
 from rmr.vm.generate.source import Pool, Source
@@ -101,12 +102,14 @@ class Body:
         fact: str = "f",
         may_index: bool = True,
         counted: bool = True,
+        reports: tuple[int, int] | None = None,
     ) -> None:
         """Begin a search in the block that `build` has open.
 
         `leave` is the statement that leaves the function or loop around the search, `fact` the prefix of its fact
         variables. With `may_index` the search may demand new indices. `counted`: facts that are examined count
-        against the budget of the search, which is needed unless one atom alone is searched.
+        against the budget of the search, which is needed unless one atom alone is searched. `reports`
+        are the rule and its part for which failures of conjuncts are reported; None: they propagate.
         """
         self.build = build
         self.pool = pool
@@ -120,6 +123,7 @@ class Body:
         self._skip = leave
         self.may_index = may_index
         self._counted = counted
+        self._reports = reports
         self._places: list[tuple[int, int]] = []
         """Of the facts found: place, predicate."""
         self._loops: list[tuple[int, int]] = []
@@ -127,8 +131,10 @@ class Body:
 
     def report(self, place: int) -> Evaluate | None:
         """Return the call that reports ``reason``, the NoValue of the conjunct at `place`; None: let it propagate."""
-        del place
-        return None
+        if self._reports is None:
+            return None
+        rule, part = self._reports
+        return Evaluate(f"vm.failed(now, {rule}, {part}, {place}, {tuple_of(self.found)}, reason)")
 
     def stop(self, place: int, fact: str) -> str | None:
         """Return the condition on which the atom at `place` takes neither `fact` nor a later one."""

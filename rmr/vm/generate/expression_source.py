@@ -11,16 +11,14 @@ from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code, OwnFunction
 from rmr.vm.derive import draws_in
-from rmr.vm.evaluate import evaluate
+from rmr.vm.evaluate import CALLS_MAX, NESTED_CALLS_MAX, beyond, evaluate
 from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.form import If, Local, Raise, Reference, Return, Update, tuple_of
 from rmr.vm.generate.function_source import called
-from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
-from rmr.vm.generate.narrow import assumed
+from rmr.vm.generate.known import BOOL, NOTHING, Known, assumed, either, of_value
 from rmr.vm.generate.operators import binary, listed, truth, unary
 from rmr.vm.generate.source import DRAWS, Pool, Source, fails
 from rmr.vm.generate.trees import Tree, tree
-from rmr.vm.own_functions import CALLS_MAX, NESTED_CALLS_MAX, beyond
 
 
 def expression(code: Code, names: Mapping[int, Reference], known: Mapping[int, Known], pool: Pool) -> Source:

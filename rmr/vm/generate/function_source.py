@@ -9,9 +9,8 @@ from rmr.bytecode.conform import NUMBERS, comparable
 from rmr.bytecode.functions import Function, Gives, Takes
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
-from rmr.vm.generate.known import BOOL, FLOAT, FLOAT_MAX, INT, NOTHING, Known, within
+from rmr.vm.generate.known import BOOL, FLOAT, FLOAT_MAX, INT, NOTHING, RESULTS, Known, magnitude, within
 from rmr.vm.generate.operators import in_range, kind_of
-from rmr.vm.generate.ranges import RESULTS, magnitude
 from rmr.vm.generate.source import DRAWS, Pool, Source, fails, movable
 
 Form = Callable[[Function, list[Source], Pool], Source | None]

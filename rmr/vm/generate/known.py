@@ -2,16 +2,25 @@
 
 The bounds of a number are those of its value, the bounds of a list or string those of its length. They decide which
 checks generated source can leave out: a sum whose bounds stay within 64 bits cannot overflow. Every operation on
-numbers rounds monotonically, so the bounds of a result are the results of the bounds, for floats as for ints.
+numbers rounds monotonically, so the bounds of a result are the results of the bounds, for floats, ints and both mixed.
+A bound of a result may lie beyond the type's limits, or be infinite: then the result must be checked.
+
+What is known of a slot narrows with the outcome of a condition (`assumed`; flow-sensitive analysis). A comparison
+bounds the number in a slot, or the length of a list in one, by the bounds of the other side, so later guards need fewer
+checks. A comparison of ``N + 1`` also implies that the sum has a value, which bounds ``N``.
 """
 
+from collections.abc import Callable, Mapping
 from math import ceil, floor, inf, nextafter
 
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, Value
 from rmr.bytecode.conform import LENGTH_MAX, NUMBERS, fits
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
 from rmr.bytecode.scope import UNKNOWN, type_of_value
+from rmr.vm.generate.trees import Tree
 
 Bound = int | float
 Bounds = tuple[Bound, Bound]
@@ -133,3 +142,148 @@ def at_least(known: Known, least: Bound, *, strictly: bool = False) -> Known:
             bound = nextafter(bound, inf)
     low, high = known.bounds
     return known if high < bound else within(known.type or UNKNOWN, (max(low, bound), high))
+
+
+def _sum(one: Bounds, other: Bounds) -> Bounds:
+    return one[0] + other[0], one[1] + other[1]
+
+
+def _difference(one: Bounds, other: Bounds) -> Bounds:
+    return one[0] - other[1], one[1] - other[0]
+
+
+def _product(one: Bounds, other: Bounds) -> Bounds:
+    corners = [a * b for a in one for b in other]  # a product is monotonic in each factor: extremes are at corners
+    return min(corners), max(corners)
+
+
+RESULTS: dict[Op, Callable[[Bounds, Bounds], Bounds]] = {Op.ADD: _sum, Op.SUB: _difference, Op.MUL: _product}
+
+
+def nonzero(bounds: Bounds) -> bool:
+    """Return whether no number within `bounds` is zero."""
+    return bounds[0] > 0 or bounds[1] < 0
+
+
+def quotient(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
+    """Return the bounds of a quotient by a divisor that is not zero at run time; `whole`: the divisor is an int."""
+    if nonzero(other):
+        corners = [float(a / b) for a in one for b in other]
+        return min(corners), max(corners)
+    # An int other than 0 has a magnitude of 1 or more. A float near 0 gives any quotient: 2 * FLOAT_MAX is infinite.
+    most = float(max(abs(one[0]), abs(one[1]))) if whole else 2 * FLOAT_MAX
+    return -most, most
+
+
+def remainder(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
+    """Return the bounds of a remainder, which has the divisor's sign; `whole`: of an int by an int."""
+    low = min(0, other[0])
+    high = max(0, other[1])
+    if not whole:
+        return low, high  # a float remainder may be rounded to the divisor itself
+    if low == 0 and one[0] >= 0:
+        return 0, min(one[1], high - 1)
+    return min(0, low + 1), max(0, high - 1)
+
+
+def negative(bounds: Bounds) -> Bounds:
+    """Return the bounds of a negated value."""
+    return -bounds[1], -bounds[0]
+
+
+def magnitude(bounds: Bounds) -> Bounds:
+    """Return the bounds of the absolute value."""
+    low, high = bounds
+    return max(0, low, -high), max(abs(low), abs(high))
+
+
+LEN = next(i for i, function in enumerate(FUNCTIONS) if function.name == "len")
+
+_OPPOSITE = {Op.LT: Op.GE, Op.LE: Op.GT, Op.GT: Op.LE, Op.GE: Op.LT, Op.EQ: Op.NE, Op.NE: Op.EQ}
+"""The negation of each comparison of numbers; there are no NaNs, so it is total."""
+
+_MIRRORED = {Op.LT: Op.GT, Op.LE: Op.GE, Op.GT: Op.LT, Op.GE: Op.LE, Op.EQ: Op.EQ, Op.NE: Op.NE}
+"""The comparison with its sides exchanged."""
+
+
+def assumed(node: Tree, outcome: bool, known: Mapping[int, Known]) -> dict[int, Known]:
+    """Return the abstract values of the slots when `node` has the value `outcome`."""
+    if node.op is Op.NOT:
+        return assumed(node.parts[0], not outcome, known)
+    # A true conjunction and a false disjunction determine both operands; the other outcomes leave open which one.
+    if (node.op is Op.AND and outcome) or (node.op is Op.OR and not outcome):
+        left, right = node.parts
+        return assumed(right, outcome, assumed(left, outcome, known))
+    if node.op not in _OPPOSITE:
+        return dict(known)
+    op = node.op if outcome else _OPPOSITE[node.op]
+    left, right = node.parts
+    narrower = dict(known)
+    _narrow(narrower, left, op, _bounds(right, known))
+    _narrow(narrower, right, _MIRRORED[op], _bounds(left, known))
+    return narrower
+
+
+@record
+class _Measure:
+    """A compared term that depends on one slot: its number, its number plus `offset`, or the length of its value."""
+
+    slot: int
+    bases: tuple[Base, ...] = NUMBERS
+    """Types of the slot for which the term's bounds are those of the slot, but for the offset."""
+    offset: int = 0
+
+
+def _measure(node: Tree) -> _Measure | None:
+    """Return one side of a comparison as a measure of a slot; None if it has another form."""
+    if node.op is Op.LOAD:
+        assert isinstance(node.operand, int)
+        return _Measure(node.operand)
+    if not node.parts or node.parts[0].op is not Op.LOAD:
+        return None
+    slot = node.parts[0].operand
+    assert isinstance(slot, int)
+    if node.op is Op.CALL and node.operand == LEN:
+        return _Measure(slot, (Base.LIST, Base.STRING))
+    if node.op in (Op.ADD, Op.SUB) and node.parts[1].op in (Op.CONST, Op.INT):
+        offset = node.parts[1].operand
+        return _Measure(slot, (Base.INT,), offset if node.op is Op.ADD else -offset) if type(offset) is int else None
+    return None
+
+
+def _bounds(node: Tree, known: Mapping[int, Known]) -> Bounds | None:
+    """Return the bounds of one side of a comparison; None if it is not known to be a number."""
+    if node.op in (Op.CONST, Op.INT):
+        assert node.operand is not None
+        constant = of_value(node.operand)
+        return constant.bounds if constant.base in NUMBERS else None
+    measure = _measure(node)
+    if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
+        return None
+    low, high = known[measure.slot].bounds
+    return within(INT, (low + measure.offset, high + measure.offset)).bounds if measure.offset else (low, high)
+
+
+def _narrow(known: dict[int, Known], node: Tree, op: Op, other: Bounds | None) -> None:
+    """Narrow the slot in `node`, which compares by `op` with a value within `other`."""
+    measure = _measure(node)
+    if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
+        return
+    slot = measure.slot
+    offset = measure.offset
+    if offset:  # the sum was evaluated, so it did not overflow
+        known[slot] = at_least(at_most(known[slot], INT_MAX - offset), INT_MIN - offset)
+    if other is None or (offset and not all(type(bound) is int for bound in other)):
+        return  # shifting a float bound by the offset could round it inwards
+    shifted = (other[0] - offset, other[1] - offset)
+    for narrow in _NARROWERS.get(op, ()):
+        known[slot] = narrow(known[slot], shifted)
+
+
+_NARROWERS: dict[Op, tuple[Callable[[Known, Bounds], Known], ...]] = {
+    Op.LT: (lambda known, other: at_most(known, other[1], strictly=True),),
+    Op.LE: (lambda known, other: at_most(known, other[1]),),
+    Op.GT: (lambda known, other: at_least(known, other[0], strictly=True),),
+    Op.GE: (lambda known, other: at_least(known, other[0]),),
+    Op.EQ: (lambda known, other: at_most(known, other[1]), lambda known, other: at_least(known, other[0])),
+}

@@ -6,12 +6,17 @@ whether the rule is satisfied. A rule that joins atoms (JOIN) calls the facts of
 than the one found, the serial number of the last top tried, the new facts of the other atoms, and the matches found,
 the oldest last. Later tops are tried only when the current one is used up. Matches compare by their facts and facts by
 their flag and serial number, so matches with removed facts sort to the end and are popped first.
+
+``each{rule}`` yields all matches as the specification finds them: conjuncts in the order of the text, each failure
+reported.
 """
 
 from collections.abc import Sequence
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
+from rmr.bytecode.heads import folds
+from rmr.bytecode.program import Atom
 from rmr.vm import once
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
 from rmr.vm.generate.builder import FormBuilder
@@ -32,6 +37,7 @@ from rmr.vm.generate.form import (
     Test,
     Update,
     While,
+    Yield,
     every,
     held,
     serial,
@@ -117,6 +123,21 @@ class SearchWriter:
                 self._find_lasting()
             else:
                 self._find_join()
+
+    def write_each(self, *, may_index: bool) -> None:
+        """Write ``each{rule}``, with new indices only if `may_index`: the layout of the indices is still open."""
+        build = self._build
+        plan = self._plan
+        with build.function(self._functions.each, "vm", "now"):
+            build(Assign(ME, "vm.robot"))
+            counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1 or any(folds(plan.rule.body))
+            if counted:
+                build(*self._begin())
+            mark = build.mark()
+            reports = plan.index, len(plan.rule.head)
+            body = self._body(Return(), may_index=may_index, counted=counted, reports=reports)
+            body.seek(list(enumerate(plan.rule.body)), lambda: build(Yield(plan.entry() if plan.facts else "()")))
+            build.insert(mark, loads(body))
 
     # One atom
 
@@ -352,8 +373,8 @@ class SearchWriter:
             build(*[Assign(state.new(place), "None") for place in self._places[1:]])
             build(Assign(state.queue, f"[0, *[f for f in {table.name}.values(){tests}]]"))
 
-    def _body(self, leave: Statement) -> Body:
-        return Body(self._build, self._pool, self._tables, BoundSlots(), leave)
+    def _body(self, leave: Statement, **options: Any) -> Body:
+        return Body(self._build, self._pool, self._tables, BoundSlots(), leave, **options)
 
     @property
     def _keep(self) -> Evaluate:

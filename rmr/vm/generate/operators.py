@@ -16,13 +16,17 @@ from rmr.vm.generate.known import (
     FLOAT_MAX,
     INT,
     NOTHING,
+    RESULTS,
     Bounds,
     Known,
     common,
     different,
+    negative,
+    nonzero,
+    quotient,
+    remainder,
     within,
 )
-from rmr.vm.generate.ranges import RESULTS, negative, nonzero, quotient, remainder
 from rmr.vm.generate.source import Pool, Source, fails
 
 SIGNS = {

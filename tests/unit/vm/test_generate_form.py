@@ -26,9 +26,9 @@ from rmr.vm.generate.form import (
     Update,
     While,
     Yield,
+    text_of,
     with_otherwise,
 )
-from rmr.vm.generate.writer import text_of
 from rmr.vm.generated import machine_of
 
 A, B, C = Evaluate("a()"), Evaluate("b()"), Evaluate("c()")

@@ -4,7 +4,7 @@ import pytest
 
 from rmr.base.streams import Choices
 from rmr.lang.compiler import compile_source
-from rmr.vm import match, partial
+from rmr.vm import match, once
 from rmr.vm.engines import Engine, new_machine
 from rmr.vm.machine_events import ExpressionFailed
 
@@ -22,7 +22,7 @@ def examined(monkeypatch):
         return agrees(step, args, env)
 
     monkeypatch.setattr(match, "agrees", noted)
-    monkeypatch.setattr(partial, "agrees", noted)
+    monkeypatch.setattr(once, "agrees", noted)
     return facts
 
 
