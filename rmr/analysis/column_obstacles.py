@@ -41,6 +41,7 @@ from rmr.bytecode.program import (
     Steps,
     When,
 )
+from rmr.bytecode.provided import ROBOT_NUMBER
 
 FALLIBLE_MAX = 256
 """Places in the rules of a program at which an expression may have no value; a robot remembers the matches that failed
@@ -48,9 +49,6 @@ there, and no more of them than fit."""
 
 GOALS_MAX = 256
 """Goals that a program states: each takes columns of its own."""
-
-NUMBER = "id"
-"""The provided predicate that a column can hold: it never changes."""
 
 _FIXED = tuple(BASES.values())
 _FALLIBLE = frozenset(
@@ -199,7 +197,7 @@ class _Survey:
         if predicate.best is not None:
             yield f"of `{predicate.name}` the best is kept, which columns do not compare"
             return
-        if predicate.provided and predicate.name != NUMBER:
+        if predicate.provided and predicate.name != ROBOT_NUMBER:
             yield f"`{predicate.name}` is sensed: its facts come and go from outside"
             return
         seen = dict(slots.bases)

@@ -27,7 +27,7 @@ _NUMBERS: dict[type, Callable[..., bool]] = {
 }
 """Range checks by class, for values that are neither texts nor lists."""
 
-_CLASSES: dict[Base, type] = {
+CLASSES: dict[Base, type] = {
     Base.ROBOT: Robot,
     Base.INT: int,
     Base.FLOAT: float,
@@ -35,6 +35,7 @@ _CLASSES: dict[Base, type] = {
     Base.STRING: str,
     Base.SYMBOL: Symbol,
 }
+"""The Python class of the values of each type but lists."""
 
 
 def sound(value: Value) -> bool:
@@ -82,7 +83,7 @@ def checker(kind: Type) -> Callable[[Value], bool]:
     if kind.base is Base.LIST:
         element = checker(kind.element or Type(Base.OPEN))
         return lambda value: type(value) is tuple and sound(value) and all(map(element, value))
-    wanted = _CLASSES[kind.base]
+    wanted = CLASSES[kind.base]
     if wanted is str or wanted is Symbol:
         return lambda value: type(value) is wanted and len(value) <= LENGTH_MAX and _is_text(value)
     in_range = _NUMBERS[wanted]

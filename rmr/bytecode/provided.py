@@ -10,6 +10,8 @@ from rmr.bytecode.program import Base, Kind, Type
 
 EVENT = "event"
 """The symbol type whose values are the names of time assertions."""
+ROBOT_NUMBER = "id"
+"""The predicate of a robot's number, ``!id(R, N)``, which never changes."""
 
 _AREA = Type(Base.SYMBOL, "area")
 _EVENT = Type(Base.SYMBOL, EVENT)
@@ -86,7 +88,7 @@ PREDICATES: dict[str, ProvidedPredicate] = {
         ProvidedPredicate("turn", (_EVENT, _INT), doc="the robot is the K-th, from 1, in the schedule of the event"),
         ProvidedPredicate("leads", (_EVENT,), doc="the robot is the leader of the event's group"),
         ProvidedPredicate(
-            "id",
+            ROBOT_NUMBER,
             (_INT,),
             Kind.PERSISTENT,
             doc="always: the robot's number, 4 for `@4`. This fact is persistent: `!id(R, N)`",

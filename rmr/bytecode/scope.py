@@ -6,7 +6,8 @@ unknown type ``Base.OPEN``.
 
 from collections.abc import Iterable, Sequence
 
-from rmr.base.values import Robot, Symbol, Value
+from rmr.base.values import Value
+from rmr.bytecode.conform import CLASSES
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF_SLOT,
@@ -26,14 +27,7 @@ from rmr.bytecode.program import (
 UNKNOWN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)
 
-_BASES: dict[type, Base] = {
-    Robot: Base.ROBOT,
-    int: Base.INT,
-    float: Base.FLOAT,
-    bool: Base.BOOL,
-    str: Base.STRING,
-    Symbol: Base.SYMBOL,
-}
+_BASES = {kind: base for base, kind in CLASSES.items()}
 
 
 def literal(code: Code) -> Value | None:

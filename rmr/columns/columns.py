@@ -9,11 +9,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from rmr.analysis.column_obstacles import NUMBER, obstacles
+from rmr.analysis.column_obstacles import obstacles
 from rmr.base.streams import Choices, stable_hash
 from rmr.base.time import in_seconds, tick_start
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot, Strategy
+from rmr.bytecode.provided import ROBOT_NUMBER
 from rmr.columns.block import Block, ColumnLayout, Follows, owned, stated_values
 from rmr.columns.numbers import Array, same, unless
 from rmr.columns.rules import MatchedRows, column_rules
@@ -176,7 +177,7 @@ class Columns:
             self._start(block, given)
 
     def _start(self, block: Block, given: Sequence[InitialFact]) -> None:
-        number = self.program.index(NUMBER)
+        number = self.program.index(ROBOT_NUMBER)
         if number is not None and self.program.predicates[number].provided:
             block.insert(number, [block.robots], owned(None, block.robots))
         self._state(block, self.program.facts)

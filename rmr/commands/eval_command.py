@@ -16,7 +16,7 @@ from rmr.commands.common import counted, reason
 from rmr.entry import JSON_VERSION, ExitCode
 from rmr.entry.command_line import Command, CommandLineError, Parser, whole
 from rmr.eval import options
-from rmr.eval.options import OptionError
+from rmr.eval.options import COLUMNAR, OptionError
 
 if TYPE_CHECKING:
     from rmr.bytecode.program import Program
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 PROGRESS_AFTER_S = 2.0
 """Wall time before the progress line appears on a terminal, seconds."""
-COLUMNAR = "columnar"
-"""The engine that runs all robots at once as columns, if the program is suited."""
 WARNINGS_MAX = 8
 """Number of warnings shown of one kind; thousands of robots may give the same one."""
 LINE_WIDTH = 100

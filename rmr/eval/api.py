@@ -21,7 +21,7 @@ from rmr.eval.column_run import ColumnRun, hindrance
 from rmr.eval.ensemble import Conditions, Ensemble, Note, Sink
 from rmr.eval.eval_report import EvaluatedRun, reasons, report
 from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read_given, strangers
-from rmr.eval.options import deaths
+from rmr.eval.options import COLUMNAR, deaths
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
 from rmr.lang.diagnostics.render import render_text, to_json
@@ -30,8 +30,6 @@ from rmr.vm.engines import Engine
 
 Seconds = float | str
 """A time: a number of seconds, or a duration as in programs (``500ms``)."""
-
-COLUMNAR = "columnar"
 
 
 @dataclass(frozen=True, slots=True)

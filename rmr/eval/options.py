@@ -12,6 +12,9 @@ from rmr.base.ids import in_order, listed, shown
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.base.values import ROBOT_ID_MAX
 
+COLUMNAR = "columnar"
+"""The engine that runs all robots at once as columns, if the program is suited."""
+
 DURATION_S_MAX = 1e8
 """Three years: more is a slip of the finger, and nanoseconds of it are far from `NEVER`."""
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}

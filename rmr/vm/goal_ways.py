@@ -19,11 +19,10 @@ from rmr.bytecode.program import ANY, SELF_SLOT, Anything, Constant, Pattern, Sl
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.goal_graph import FAR, FactKey, GoalGraph, GroundStep, WantedFact
 from rmr.vm.side_facts import Env, SideFacts, has_twins, is_known, matches, probe, undo
+from rmr.vm.store import Args
 
 CHANGES_MAX = 100_000
 """Changes of facts that may wait to be applied; beyond that the graph is dropped, for it costs less to begin anew."""
-
-Args = tuple[Value, ...]
 
 
 class SideUse:

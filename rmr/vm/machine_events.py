@@ -6,10 +6,8 @@ one of these events (the paper's NEW_ACTION and NEW_FACT, figure 6).
 
 from rmr.base.record import record
 from rmr.base.time import Instant
-from rmr.base.values import Value
 from rmr.vm.job import TimedJob
-
-Args = tuple[Value, ...]
+from rmr.vm.store import Args
 
 
 @record

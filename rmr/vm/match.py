@@ -38,9 +38,8 @@ from rmr.bytecode.program import (
 from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.aggregate import reduced
 from rmr.vm.evaluate import NoValue, evaluate, same
-from rmr.vm.store import Fact, Facts, Store, is_open
+from rmr.vm.store import Args, Fact, Facts, Store, is_open
 
-Args = tuple[Value, ...]
 Env = list[Value]
 Found = list[Fact]
 TypeAt = Callable[[int], Type | None]

@@ -15,8 +15,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Pattern
 from rmr.vm.derive import Chain, DerivedKind
-
-Args = tuple[Value, ...]
+from rmr.vm.store import Args
 
 
 class GivenCause(NamedTuple):

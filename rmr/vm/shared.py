@@ -24,14 +24,11 @@ from rmr.bytecode.program import (
     Program,
     Slot,
 )
+from rmr.bytecode.provided import ROBOT_NUMBER
 from rmr.vm.outside import Gate
 from rmr.vm.ranks import reading
 from rmr.vm.store import Args
 from rmr.vm.type_checks import TypeChecks, type_checks
-
-ROBOT_NUMBER = "id"
-"""The provided persistent predicate ``!id(R, N)``."""
-
 
 Mine = tuple[tuple[int, Assertion], ...]
 """The time assertions that may have jobs on a robot, with their indices."""

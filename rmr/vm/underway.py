@@ -12,7 +12,8 @@ from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Chain
-from rmr.vm.machine_events import ActionDerived, Args
+from rmr.vm.machine_events import ActionDerived
+from rmr.vm.store import Args
 
 ACTIONS_MAX = 1024
 """Actions whose end is awaited; beyond that the oldest one is forgotten."""

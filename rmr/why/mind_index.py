@@ -35,7 +35,6 @@ from rmr.vm.provenance import (
     OUTSIDE,
     SENSED,
     ActionRecord,
-    Args,
     DeliveredCause,
     FiringCause,
     FiringRecord,
@@ -49,6 +48,7 @@ from rmr.vm.provenance import (
     ToldRecord,
     UndeliveredCause,
 )
+from rmr.vm.store import Args
 from rmr.why.past_items import (
     PastAction,
     PastArrival,

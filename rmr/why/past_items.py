@@ -12,7 +12,8 @@ from rmr.base.time import NEVER, Instant
 from rmr.bytecode.program import Pattern
 from rmr.vm.derive import Chain, DerivedKind
 from rmr.vm.job import TimedJob
-from rmr.vm.provenance import Args, Cause, SentKey
+from rmr.vm.provenance import Cause, SentKey
+from rmr.vm.store import Args
 
 
 @dataclass(slots=True, eq=False)

@@ -6,6 +6,7 @@ After a syntax error nothing is reported as missing: the broken item may contain
 from collections import Counter
 from collections.abc import Iterator
 
+from rmr.base.time import TICK_S
 from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
@@ -44,9 +45,6 @@ from rmr.lang.read.syntax import (
     flat,
     walk,
 )
-
-TICK_S = 1 / 60
-"""Period of the robots' executive, seconds: deadlines have no finer resolution."""
 
 _SENT = {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 """Roles of facts and actions that are sent by radio if their owner is another robot."""

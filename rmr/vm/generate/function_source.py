@@ -6,10 +6,10 @@ from collections.abc import Callable
 from rmr.base.time import NS_PER_S
 from rmr.bytecode import functions
 from rmr.bytecode.conform import NUMBERS, comparable
-from rmr.bytecode.functions import Function, Gives, Takes
+from rmr.bytecode.functions import FLOAT_MAX, Function, Gives, Takes
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
-from rmr.vm.generate.known import BOOL, FLOAT, FLOAT_MAX, INT, NOTHING, RESULTS, Known, magnitude, within
+from rmr.vm.generate.known import BOOL, FLOAT, INT, NOTHING, RESULTS, Known, magnitude, within
 from rmr.vm.generate.operators import in_range, kind_of
 from rmr.vm.generate.source import DRAWS, Pool, Source, fails, movable
 

@@ -16,7 +16,7 @@ from math import ceil, floor, inf, nextafter
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, Value
 from rmr.bytecode.conform import LENGTH_MAX, NUMBERS, fits
-from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.functions import FLOAT_MAX, FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
 from rmr.bytecode.scope import UNKNOWN, type_of_value
@@ -24,9 +24,6 @@ from rmr.vm.generate.trees import Tree
 
 Bound = int | float
 Bounds = tuple[Bound, Bound]
-
-FLOAT_MAX = 1.7976931348623157e308
-"""The largest finite float."""
 
 LIMITS: dict[Base, Bounds] = {
     Base.INT: (INT_MIN, INT_MAX),

@@ -7,13 +7,13 @@ without value, the source calls the function that the interpreter calls, so valu
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol
 from rmr.bytecode import arithmetic
 from rmr.bytecode.conform import LENGTH_MAX, NUMBERS, comparable
+from rmr.bytecode.functions import FLOAT_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
 from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import (
     BOOL,
     FLOAT,
-    FLOAT_MAX,
     INT,
     NOTHING,
     RESULTS,
