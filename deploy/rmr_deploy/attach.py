@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from rmr.base.ids import named
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.certificates import CertificateError, check_keys, read_credentials, secret_file
@@ -27,7 +28,7 @@ from rmr.entry.files import unreadable
 from rmr_deploy.lab_run import make_report
 from rmr_deploy.preparation import RunPlan, RunRefusedError, read_lab, read_program
 from rmr_deploy.run_choice import FleetError
-from rmr_deploy.run_end import judged_end, names
+from rmr_deploy.run_end import judged_end
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import RobotLine, Screen, make_screen, table
@@ -156,7 +157,7 @@ def _silence(lab: Lab, monitor: StatusMonitor, options: AttachOptions) -> str:
     told = f"no word of the world of lab {lab.name} at {options.connect} for {monitor.world_silent_s:.0f} s ({where})"
     robots = sorted(monitor.present)
     were = "was" if len(robots) == 1 else "were"
-    return f"{told}; at {monitor.now_s:.1f} s of lab time {names(robots)} {were} there" if robots else told
+    return f"{told}; at {monitor.now_s:.1f} s of lab time {named(robots)} {were} there" if robots else told
 
 
 def _absent(lab: Lab, monitor: StatusMonitor) -> dict[int, Fate]:

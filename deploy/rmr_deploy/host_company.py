@@ -10,10 +10,11 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
+from rmr.base.ids import named
 from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr.bus.session import Bus
-from rmr_deploy.host_share import HostShare, difference, made_of, shown_robots
+from rmr_deploy.host_share import HostShare, difference, made_of
 from rmr_deploy.preparation import RunPlan
 from rmr_deploy.run_outcome import Befell, read_befell
 from rmr_deploy.run_requests import Answer, read_answer
@@ -192,7 +193,7 @@ class HostCompany:
     def missing(self) -> list[str]:
         """Return the hosts with robots whose launchers are not there, with these robots."""
         return [
-            f"{name} ({shown_robots(robots)})"
+            f"{name} ({named(robots)})"
             for name, robots in self._shares.items()
             if robots and name != self._share.here.name and not self._is_there(name)
         ]

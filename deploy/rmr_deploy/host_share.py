@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Final
 
 from rmr import __version__
-from rmr.base.ids import spelled
 from rmr.bus.endpoint import is_loopback
 from rmr.entry import ExitCode
 from rmr_deploy.resolved_lab import resolved_lab
@@ -200,8 +199,3 @@ def difference(
             "give both the same one"
         )
     return ""
-
-
-def shown_robots(robots: tuple[int, ...]) -> str:
-    """Return ``robot 1`` or ``robots 1-3``."""
-    return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"

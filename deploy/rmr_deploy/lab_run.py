@@ -18,6 +18,7 @@ from typing import Any
 
 from rich.console import Console
 
+from rmr.base.ids import named
 from rmr.base.time import seconds
 from rmr.entry import ExitCode
 from rmr.record.joining import join_run
@@ -29,7 +30,6 @@ from rmr_deploy.detached import DetachedOutput
 from rmr_deploy.host_run import HostRun, join_hint, share_report
 from rmr_deploy.launch import LabRun
 from rmr_deploy.preparation import RunPlan, RunRefusedError, make_plan
-from rmr_deploy.run_end import names
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
 from rmr_deploy.screen import make_screen, table
@@ -142,7 +142,7 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
         print(f"rmr up: {outcome.report_error}", file=sys.stderr)
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
-    who = "" if plan.has_world or plan.share is None else f"host {plan.share.here.name}, {names(plan.robots)}; lab "
+    who = "" if plan.has_world or plan.share is None else f"host {plan.share.here.name}, {named(plan.robots)}; lab "
     print(f"{who}{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
     recorded = not plan.options.no_record and plan.share is None
     hint = [] if not recorded else missed_hint(record, plan.options.record or plan.folder)

@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rmr.base.ids import spelled
+from rmr.base.ids import named, spelled
 from rmr.bus import wire
 from rmr.bus.endpoint import BusError
 from rmr.bus.keys import WORLD
@@ -35,7 +35,7 @@ from rmr_deploy.process_faults import FaultSchedule, ProcessFaults, ask_outage
 from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
 from rmr_deploy.restarts import Restarts, world_policy
 from rmr_deploy.robot_lives import RobotLives, told_facts, told_status
-from rmr_deploy.run_end import end_processes, judged_end, names, patiently, sweep, unready, who_came_back, who_ended
+from rmr_deploy.run_end import end_processes, judged_end, patiently, sweep, unready, who_came_back, who_ended
 from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
 from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, called, serve_requests
@@ -161,7 +161,7 @@ class LabRun:
         part = name.replace("robot-", "robots-", 1)
         child = self._child(name, part, agent_command(self.plan, robots, self._endpoint), threaded=True)
         self._robots |= dict.fromkeys(robots, child)
-        self._note_started(names(robots), child)
+        self._note_started(named(robots), child)
         for robot in robots:
             message = f"robot {robot} is started again"
             self.events.note("robot_started", message, robot=robot, process=name, pid=child.pid)
@@ -445,7 +445,7 @@ class LabRun:
         """Name the robots whose last status did not come: the report holds their status before it."""
         silent = [robot for robot in self.roster if not self._is_final(robot)]
         if silent and not self.outcome.hurried:
-            late = f"{names(silent)} did not tell the end within {FINAL_S_MAX:g} s"
+            late = f"{named(silent)} did not tell the end within {FINAL_S_MAX:g} s"
             self._screen.say(f"{late}: the report has what was told before")
 
     @staticmethod

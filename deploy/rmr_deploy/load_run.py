@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from rmr.base.errors import ProgramError
 from rmr.base.ids import spelled
+from rmr.base.printable import counted
 from rmr.base.time import NS_PER_S, Duration, Instant
 from rmr.bus import wire
 from rmr.bus.certificates import CertificateError
@@ -102,7 +103,7 @@ def _told(told: dict[str, Any], outcome: Outcome) -> str:
         return str(told["problem"])
     if not (outcome["switched"] or outcome["dry_run"]):
         return "was ready" if told["ready"] else "was not asked to the end"
-    facts = f"{told['carried']} fact{'' if told['carried'] == 1 else 's'} kept, {told['dropped']} dropped"
+    facts = f"{counted(told['carried'], 'fact')} kept, {told['dropped']} dropped"
     return facts + (f": {told['drops']}" if told["drops"] else "")
 
 

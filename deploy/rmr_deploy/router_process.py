@@ -11,6 +11,7 @@ import logging
 import sys
 import time
 
+from rmr.base.printable import counted
 from rmr.bus import refusals, wire
 from rmr.bus.admission import why_no_session
 from rmr.bus.certificates import Certificate, CertificateError, Credentials, secret_file
@@ -84,7 +85,7 @@ async def _tell_company(router: Router, secret: Credentials | None) -> None:
     denied: set[str] = set()
     while True:
         routers = list(router.connected().values())
-        now = f"connected: {_counted(sum(routers), 'router')}, {_counted(routers.count(False), 'process')}"
+        now = f"connected: {counted(sum(routers), 'router')}, {counted(routers.count(False), 'process')}"
         if now != told:
             log.info("%s", now)
         told = now
@@ -93,11 +94,6 @@ async def _tell_company(router: Router, secret: Credentials | None) -> None:
             for subject in sorted(denied - before):
                 log.warning("%s is connected %s: nothing of it is carried", subject, secret.denies(subject))
         await asyncio.sleep(LOOK_S)
-
-
-def _counted(number: int, noun: str) -> str:
-    plural = "" if number == 1 else "es" if noun.endswith("s") else "s"
-    return f"{number} {noun}{plural}"
 
 
 async def _follow(router: Router, endpoint: str, secret: Credentials | None) -> None:

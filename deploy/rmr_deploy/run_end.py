@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
 
-from rmr.base.ids import spelled
 from rmr.base.time import in_seconds
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.preparation import RunPlan
@@ -79,11 +78,6 @@ def who_came_back(fates: Mapping[str, Fate]) -> str:
     """Return a clause for each fate of processes in whose place another one was started; empty if there are none."""
     clauses = (f"{', '.join(names)} {verb}" for names, verb in by_fate(fates))
     return "".join(f"; {clause} on the way and came back" for clause in clauses)
-
-
-def names(robots: Sequence[int]) -> str:
-    """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
-    return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
 
 
 def sweep(

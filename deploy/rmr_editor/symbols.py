@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
+from rmr.base.printable import shortened
 from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
@@ -371,7 +372,7 @@ def outline(program: Compilation, file: str) -> Iterator[Outlined]:
         if item.span.file != file:
             continue
         written = " ".join(text[item.span.start : item.span.end].split())
-        short = written if len(written) <= NAME_MAX else written[: NAME_MAX - 3] + "..."
+        short = shortened(written, NAME_MAX)
         match item:
             case TypeDeclaration(name=name, kind=kind):
                 yield Outlined(name.text, "action" if kind.value == "action" else "predicate", item.span, name.span)

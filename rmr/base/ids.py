@@ -4,16 +4,15 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from rmr.base.printable import shortened
 from rmr.base.values import ROBOT_ID_MAX
 
 _RANGE: Final = re.compile(r"([0-9]{1,6})(?:-([0-9]{1,6}))?", re.ASCII)
-_SHOWN_MAX: Final = 40
-"""Characters of a wrong value that a message repeats."""
 
 
 def shown(text: str) -> str:
     """Return `text` as a message quotes it."""
-    return repr(text if len(text) <= _SHOWN_MAX else text[: _SHOWN_MAX - 3] + "...")
+    return repr(shortened(text, 40))
 
 
 def spelled(ids: Sequence[int]) -> str:
@@ -25,6 +24,11 @@ def spelled(ids: Sequence[int]) -> str:
         else:
             spans.append([robot])
     return ",".join("-".join(map(str, span)) for span in spans)
+
+
+def named(ids: Sequence[int]) -> str:
+    """Return ascending `ids` for use in a sentence: ``robot 1``, ``robots 1-3``."""
+    return f"robot{'s' if len(ids) > 1 else ''} {spelled(ids)}"
 
 
 def listed(text: str) -> tuple[int, ...]:

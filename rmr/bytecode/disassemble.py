@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import TypeVar
 
+from rmr.base.printable import counted, shortened
 from rmr.base.values import Value, format_value
 from rmr.bytecode.decoder import INSTRUCTION, Note, decode_tables
 from rmr.bytecode.functions import FUNCTIONS
@@ -135,7 +136,7 @@ def _expression(data: bytes, text: "_Text", instructions: Iterator[Note], number
     """Yield the lines of an expression, its instructions one below the other."""
     inner = list(islice(instructions, len(note.what)))  # type: ignore[arg-type]
     first = inner[0].start if inner else note.end
-    yield from _line(data, note.start, first, f"{number}: {len(inner)} instruction{'s' if len(inner) != 1 else ''}")
+    yield from _line(data, note.start, first, f"{number}: {counted(len(inner), 'instruction')}")
     for item in inner:
         assert isinstance(item.what, Instruction)
         yield from _line(data, item.start, item.end, "   " + text.instruction(item.what))
@@ -200,9 +201,7 @@ class _Text:
         """Return the shortened text of a shared object, cached by identity; the program keeps the object alive."""
         text = self._shared.get(id(thing))
         if text is None:
-            text = write(thing)
-            text = text if len(text) <= SHARED_MAX else text[: SHARED_MAX - 3] + "..."
-            self._shared[id(thing)] = text
+            text = self._shared[id(thing)] = shortened(write(thing), SHARED_MAX)
         return text
 
     def pattern(self, pattern: Pattern) -> str:

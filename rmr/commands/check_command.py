@@ -9,8 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rmr.base.printable import counted
 from rmr.commands import diagnosed
-from rmr.commands.common import counted, write
+from rmr.commands.common import write
 from rmr.entry import print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
@@ -106,7 +107,7 @@ def _correct(compilations: Sequence["Compilation"]) -> int:
         target = Path(file).resolve()
         failed = write(target, (new + old[at:]).encode(), stat.S_IMODE(target.stat().st_mode))
         if not failed:
-            print(f"{file}: {counted(count, 'errors')} corrected", file=sys.stderr)
+            print(f"{file}: {counted(count, 'error')} corrected", file=sys.stderr)
         code = code or failed
     return code
 

@@ -14,11 +14,6 @@ def print_octets(octets: bytes) -> None:
     sys.stdout.buffer.write(octets)
 
 
-def counted(number: object, words: str) -> str:
-    """Return `number` with the noun `words`, given in the plural: `1 error`, `2 errors`."""
-    return f"{number} {words}" if number != 1 else f"1 {words[:-1]}"
-
-
 def reason(error: Exception) -> str:
     """Return why a file could not be read or written."""
     return getattr(error, "strerror", None) or str(error)

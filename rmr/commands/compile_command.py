@@ -4,8 +4,9 @@
 import sys
 from pathlib import Path
 
+from rmr.base.printable import counted
 from rmr.commands import diagnosed
-from rmr.commands.common import counted, write
+from rmr.commands.common import write
 from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
@@ -49,7 +50,7 @@ def _compile(program: Path, output: Path | None, as_json: bool, strip: bool) -> 
         diagnosed.show([compilation])
     if compilation.program is not None and code == 0 and not as_json:
         words = ("octets", "predicates", "rules", "warnings")
-        print(f"{target}: " + ", ".join(counted(summary[word], word) for word in words))
+        print(f"{target}: " + ", ".join(counted(summary[word], word.removesuffix("s")) for word in words))
     return code
 
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rmr.commands.common import counted
+from rmr.base.printable import counted
 from rmr.entry import ExitCode
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def show_found(found: Sequence[Found]) -> None:
     for diagnostics, sources in found:
         print(render_text(diagnostics, sources, color), end="", file=sys.stderr)
     errors = [each for each in every if each.severity is Severity.ERROR]
-    print(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", file=sys.stderr)
+    print(f"{counted(len(errors), 'error')}, {counted(len(every) - len(errors), 'warning')}", file=sys.stderr)
     print(f"for more: rmr explain {(errors or every)[0].code}", file=sys.stderr)
 
 

@@ -11,8 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from rmr.base.printable import counted
 from rmr.commands import diagnosed
-from rmr.commands.common import counted, reason
+from rmr.commands.common import reason
 from rmr.entry import JSON_VERSION, ExitCode
 from rmr.entry.command_line import Command, CommandLineError, Parser, whole
 from rmr.eval import options
@@ -306,7 +307,7 @@ class ProgressLine:
         self._shown = True
         run = self._run
         at = f"{run.now / 1e9:.3f} s of {self._until / 1e9:g} s"
-        what = f"{counted(run.firings, 'firings')}, {counted(run.busy, 'robots')} not idle"
+        what = f"{counted(run.firings, 'firing')}, {counted(run.busy, 'robot')} not idle"
         print(f"\r\x1b[K{at}, {what}", end="", file=sys.stderr)
 
     def clear(self) -> None:
@@ -330,8 +331,8 @@ def _conclude(run: "EvaluatedRun", until: int, interrupted: bool) -> None:
     if interrupted:
         why = f"interrupted at {at}"
     elif run.exhausted:
-        frames = counted(run.frames, "frames")
-        why = f"stopped at {at}, after {counted(run.firings, 'firings')} and {frames} without an end in sight"
+        frames = counted(run.frames, "frame")
+        why = f"stopped at {at}, after {counted(run.firings, 'firing')} and {frames} without an end in sight"
     else:
         why = f"not quiescent at {at}"
     print(f"rmr eval: {why}:", file=sys.stderr)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rmr.base.printable import counted
 from rmr.commands.common import (
-    counted,
     print_octets,
     write,
 )
@@ -74,7 +74,7 @@ def _format(programs: list[Path], check: bool, diff: bool, as_json: bool) -> int
     elif check:
         print("".join(f"{each.source.file}\n" for each in changed), end="")
     elif STDIN not in programs:
-        print(f"{counted(len(changed), 'files')} of {len(files)} formatted", file=sys.stderr)
+        print(f"{counted(len(changed), 'file')} of {len(files)} formatted", file=sys.stderr)
     return code
 
 

@@ -10,7 +10,8 @@ from importlib import import_module
 from pathlib import Path
 
 from rmr import __version__
-from rmr.commands.common import counted, reason
+from rmr.base.printable import counted
+from rmr.commands.common import reason
 from rmr.entry import ExitCode
 from rmr.entry.command_line import Command, Parser, Runnable
 
@@ -29,7 +30,7 @@ def _write(folder: Path) -> int:
     except OSError as error:
         print(f"rmr man: {error.filename or folder}: {reason(error)}", file=sys.stderr)
         return ExitCode.USAGE
-    print(f"{counted(len(pages), 'pages')} in {folder}")
+    print(f"{counted(len(pages), 'page')} in {folder}")
     return ExitCode.OK
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rmr.commands.common import counted
+from rmr.base.printable import counted
 from rmr.entry import print_json
 from rmr.entry.command_line import (
     Command,
@@ -118,7 +118,7 @@ def _contention(
         case = Contention(senders, None if saturated else offered_fps, payload, unicast, seconds)
     load = "as fast as they can" if saturated else f"{offered_fps:g} frames/s in all"
     to = "to the sink, acknowledged" if unicast else "to all"
-    title = f"{counted(senders, 'stations')}, {load}, {payload} octets {to}, {seconds:g} s"
+    title = f"{counted(senders, 'station')}, {load}, {payload} octets {to}, {seconds:g} s"
     _print_result(title, partial(run, case), others)
 
 
@@ -174,7 +174,7 @@ def _storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast:
     with _refused():
         case = Storm(members, jitter_ms, geometry, payload, unicast)
     to = "acknowledged" if unicast else "to all"
-    who = f"{counted(members, 'members')}, {GEOMETRIES[geometry]}"
+    who = f"{counted(members, 'member')}, {GEOMETRIES[geometry]}"
     _print_result(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
 
 
@@ -324,7 +324,7 @@ def _print_result(title: str, run: Callable[["Runs"], "Row"], others: dict[str, 
     if others["as_json"]:
         print_json(row)
     else:
-        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{row_text(row)}", end="")
+        print(f"{title}; {counted(len(seeds), 'run')}\n\n{row_text(row)}", end="")
 
 
 def _config(others: dict[str, Any]) -> "RadioConfig":

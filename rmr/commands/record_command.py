@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rmr.commands.common import counted
+from rmr.base.printable import counted
 from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandGroup, Parser, Subcommand
 
@@ -68,7 +68,7 @@ def _written(name: str, paths: list[Path], write: Callable[[], "Joined"]) -> int
         return ExitCode.FAILED if isinstance(error, UnwritableError) else ExitCode.INVALID
     for problem in joined.problems:
         print(f"rmr record {name}: {problem}", file=sys.stderr)
-    print(f"{joined.file}: {counted(joined.messages, 'messages')}")
+    print(f"{joined.file}: {counted(joined.messages, 'message')}")
     return ExitCode.OK
 
 

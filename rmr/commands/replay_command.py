@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from rmr.commands.common import counted
+from rmr.base.printable import counted
 from rmr.entry import ExitCode, print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
@@ -178,7 +178,7 @@ def _lines(check: "MindCheck", *, whole: bool) -> list[str]:
     if replay.began is None and not check.problem:
         return [f"{check.name}: nothing happens to it in this stretch"]
     speed = f", {check.seconds / check.took_s:.0f} x real time" if check.took_s > 0 else ""
-    measured = f"{check.seconds:.1f} s, {_number(replay.inputs, 'inputs')}, {_number(replay.outputs, 'outputs')}{speed}"
+    measured = f"{check.seconds:.1f} s, {_number(replay.inputs, 'input')}, {_number(replay.outputs, 'output')}{speed}"
     difference = replay.difference
     if difference is not None:
         lines = [
@@ -197,16 +197,16 @@ def _lines(check: "MindCheck", *, whole: bool) -> list[str]:
     samples, frames, refused = replay.not_delivered
     if samples or frames or refused:
         lost = [
-            f"{_number(samples, 'samples')} and {_number(frames, 'frames')} dropped from full queues",
-            f"{_number(refused, 'announcements')} refused",
+            f"{_number(samples, 'sample')} and {_number(frames, 'frame')} dropped from full queues",
+            f"{_number(refused, 'announcement')} refused",
         ]
         lines.append(f"  not delivered to it: {', '.join(lost)}")
     return lines
 
 
-def _number(number: int, words: str) -> str:
-    """Return a number with thousands marked and the noun `words`, given in the plural."""
-    return counted(number, words).replace(str(number), f"{number:,}", 1)
+def _number(number: int, noun: str) -> str:
+    """Return a number with thousands marked and its noun."""
+    return counted(number, noun).replace(str(number), f"{number:,}", 1)
 
 
 def _tell_versions(checks: "list[MindCheck]") -> None:
@@ -226,7 +226,7 @@ def _summary(checks: "list[MindCheck]") -> str:
     speed = f" in {took_s:.1f} s ({seconds / took_s:.0f} x real time)" if took_s > 0 else ""
     forms = {check.header.compiled for check in checks if check.header is not None} - {is_compiled()}
     form = f"; recorded {_form(not is_compiled())}, replayed {_form(is_compiled())}" if forms else ""
-    return f"{equal} of {counted(len(checks), 'minds')} equal: {seconds:.1f} s{speed}{form}"
+    return f"{equal} of {counted(len(checks), 'mind')} equal: {seconds:.1f} s{speed}{form}"
 
 
 def _form(compiled: bool) -> str:

@@ -5,6 +5,7 @@ Robots carry no parser. The process that starts them converts text to values, wi
 
 from typing import NamedTuple
 
+from rmr.base.printable import counted
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pattern, Predicate, Program, Slot, Type
 from rmr.bytecode.provided import PREDICATES
@@ -161,8 +162,7 @@ def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
 def _check_arity(fact: FactNode, predicate: Predicate) -> None:
     arity = len(predicate.types) + 1
     if len(fact.arguments) != arity:
-        words = "1 argument" if arity == 1 else f"{arity} arguments"
-        message = f"`{predicate.name}` has {words}, not {len(fact.arguments)}"
+        message = f"`{predicate.name}` has {counted(arity, 'argument')}, not {len(fact.arguments)}"
         raise FactError(message, "E011", hint=_signature(predicate))
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+from rmr.base.printable import counted
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.load.load_messages import Fragments, LoadError, LoadKind, LoadMessage, decode, numbers_of
 from rmr.load.load_pace import LoadPace
@@ -75,7 +76,7 @@ class LoadResult:
             return target.problem
         if not self.switched:
             return "was ready" if target.ready else "was not ready yet"
-        facts = f"keeps {target.carried} fact{'' if target.carried == 1 else 's'}"
+        facts = f"keeps {counted(target.carried, 'fact')}"
         return f"{facts}, drops {target.ended}" + (f": {target.text}" if target.text else "")
 
     def as_dict(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack  # type: ignore[import-untyped]
 
-from rmr.base.ids import listed, spelled
+from rmr.base.ids import listed, named
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.record.mcap_format import FormatError
 from rmr.record.mcap_scan import McapScan, RecordingError
@@ -279,9 +279,7 @@ def missing_parts(parts: Sequence[RecordingPart]) -> list[str]:
     absent = [robot for robot in parts[0].about.roster if robot not in recorded]
     found = []
     if absent:
-        found.append(
-            f"no file of robot{'s' if len(absent) > 1 else ''} {spelled(absent)}: what they recorded is missing"
-        )
+        found.append(f"no file of {named(absent)}: what they recorded is missing")
     if all(part.about.process != WORLD_PROCESS for part in parts):
         found.append("no file of the world: true poses are missing")
     return found

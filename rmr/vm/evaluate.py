@@ -9,6 +9,7 @@ call is counted after its arguments have been evaluated and before its own expre
 from collections.abc import Sequence
 from typing import Any, Final
 
+from rmr.base.printable import shortened
 from rmr.base.time import Instant
 from rmr.base.values import Value, format_value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, built, same, truth
@@ -28,8 +29,7 @@ SHOWN_MAX: Final = 60
 
 def beyond(name: str, depth: int, args: Sequence[Value]) -> NoValue:
     """Return the reason why a call of a function at nesting depth `depth` has no value."""
-    shown = ", ".join([format_value(arg) for arg in args])
-    shown = shown if len(shown) <= SHOWN_MAX else shown[: SHOWN_MAX - 3] + "..."
+    shown = shortened(", ".join([format_value(arg) for arg in args]), SHOWN_MAX)
     if depth > NESTED_CALLS_MAX:
         return NoValue(f"{name}({shown}): more than {NESTED_CALLS_MAX} calls within one another")
     return NoValue(f"{name}({shown}): more than {CALLS_MAX} calls in one expression")

@@ -10,6 +10,7 @@ there. What was never there is followed in the same way, down to a depth (negati
 from collections.abc import Iterator
 from typing import Final
 
+from rmr.base.printable import counted
 from rmr.base.time import Instant
 from rmr.bytecode.program import Duty, Kind
 from rmr.vm.derive import DerivedKind
@@ -185,7 +186,7 @@ class AbsenceFinder:
         if isinstance(send.cause, FiringCause):
             text += f" ({rule_name(self._program, sender.firings[send.cause.number].rule)})"
         repeats = len([at for at in send.repeated if at <= self._now])
-        again = "" if not repeats else f", repeated {repeats} time{'s' if repeats != 1 else ''}"
+        again = "" if not repeats else f", repeated {counted(repeats, 'time')}"
         if send.given_up is not None and send.given_up <= self._now:
             return f"{text}{again} and given up {seconds_text(send.given_up)}: {send.why}"
         return f"{text}{again} and has not arrived at @{send.destination} by {seconds_text(self._now)}"

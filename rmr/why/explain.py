@@ -8,6 +8,7 @@ what the action does.
 
 from typing import Final, NamedTuple
 
+from rmr.base.printable import counted
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Atom, Bind, Kind, Mode, Program, Rule, Slot
 from rmr.vm.derive import DerivedKind
@@ -377,7 +378,7 @@ def stages(action: PastAction) -> str:
 def fate(send: PastSend) -> str:
     """Return what became of a message."""
     count = len(send.repeated)
-    repeats = f", {count} repeat{'s' if count != 1 else ''}" if count else ""
+    repeats = f", {counted(count, 'repeat')}" if count else ""
     if send.given_up is not None:
         return f"{repeats}, given up {seconds_text(send.given_up)} ({send.why})"
     if send.acknowledged is not None:

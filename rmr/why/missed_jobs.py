@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from rmr.base.ids import spelled
+from rmr.base.ids import named
 from rmr.base.time import Instant, in_seconds
 from rmr.vm.job import TimedJob
 from rmr.why.critical_path import explained
@@ -84,7 +84,7 @@ def _no_job(robots: Mapping[int, RobotHistory], name: str, robot: int) -> str:
     """Return why there is no job of that name at a robot, and what there is."""
     holders = sorted({holder for holder, history in robots.items() for job, _ in history.jobs if job.name == name})
     if holders:
-        return f"robot {robot} has had no job {name}; robot{'s' if len(holders) > 1 else ''} {spelled(holders)} had"
+        return f"robot {robot} has had no job {name}; {named(holders)} had"
     names = sorted({job.name for history in robots.values() for job, _ in history.jobs})
     if not names:
         return "no time assertion has started a job in this run: there is no deadline to explain"

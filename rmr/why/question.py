@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from rmr.base.ids import named
 from rmr.base.printable import one_line
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT, Constant, Kind, Pattern, Program
@@ -67,14 +68,7 @@ def question(text: str, program: Program, robots: list[int], robot: int | None =
 
 def robots_text(robots: list[int]) -> str:
     """Return ids in words, ``robots 1-6, 9``."""
-    spans: list[tuple[int, int]] = []
-    for robot in sorted(robots):
-        if spans and robot == spans[-1][1] + 1:
-            spans[-1] = (spans[-1][0], robot)
-        else:
-            spans.append((robot, robot))
-    texts = [str(first) if first == last else f"{first}-{last}" for first, last in spans]
-    return ("robot " if len(robots) == 1 else "robots ") + ", ".join(texts) if texts else "no robots"
+    return named(sorted(robots)).replace(",", ", ") if robots else "no robots"
 
 
 def _short(text: str) -> str:

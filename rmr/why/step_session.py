@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Final, NamedTuple
 
+from rmr.base.printable import counted
 from rmr.base.time import Instant, in_seconds, seconds
 from rmr.bytecode.program import Program
 from rmr.vm.provenance import ActionRecord, GoalRecord, InsertionRecord
@@ -103,7 +104,7 @@ class StepSession:
         lives = len({part.epoch for part in self._stops.parts})
         more = f" in {lives} lives" if lives > 1 else ""
         span = f"{seconds_text(stops[0].at)} to {seconds_text(self._stops.known_until)}"
-        yield f"robot {self._stops.robot}, {span}{more}: {_counted(firings, 'firing')}, {_counted(inputs, 'input')}"
+        yield f"robot {self._stops.robot}, {span}{more}: {counted(firings, 'firing')}, {counted(inputs, 'input')}"
 
     def perform(self, line: str) -> Iterator[str]:
         """Carry out a command; yield what it prints. Raises StepError, NowhereError."""
@@ -189,7 +190,7 @@ class StepSession:
         where = "after" if forwards else "before"
         known = f" (it is known until {seconds_text(self._stops.known_until)})" if forwards else ""
         raise NowhereError(
-            f"there {'is' if seen == 1 else 'are'} only {_counted(seen, what)} {where} this stop{known}"
+            f"there {'is' if seen == 1 else 'are'} only {counted(seen, what)} {where} this stop{known}"
             if seen
             else f"there is no {what} {where} this stop{known}"
         )
@@ -272,7 +273,7 @@ class StepSession:
             raise StepError(f"line {wanted} is the beginning of several rules: {', '.join(found)}")
         self._breakpoints[found[0]] = None
         fired = len([stop for stop in self._stops.all if self._breaks_at(stop, found[0])])
-        yield f"breakpoint on rule {found[0]}, which fires {fired} time{'' if fired == 1 else 's'} in all"
+        yield f"breakpoint on rule {found[0]}, which fires {counted(fired, 'time')} in all"
 
     def _breaks_at(self, stop: PastStop, place: str) -> bool:
         return stop.firing is not None and _place(self._stops.parts[stop.part].program, stop.firing.rule) == place
@@ -383,7 +384,3 @@ def _place(program: Program, rule: int) -> str:
 def _by_line(place: str) -> tuple[str, int]:
     file, _, line = place.rpartition(":")
     return file, int(line) if line.isdecimal() else 0
-
-
-def _counted(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+from rmr.base.printable import counted
 from rmr.base.values import format_value
 from rmr.bytecode.program import Atom, Mode, Program, Strategy
 from rmr.node.actions.action_log import ActionEnded
@@ -207,7 +208,7 @@ def agenda_lines(stops: Stops, index: int) -> Iterator[str]:
     if resumes:
         yield "the engine has stopped for this call of the robot, and goes on in a later one:"
     if inputs:
-        yield f"the engine chooses after {inputs} more input{'s' if inputs > 1 else ''}:"
+        yield f"the engine chooses after {counted(inputs, 'more input')}:"
     found = choices(firing)
     for place, choice in enumerate(found, 1):
         fires = "  <- fires next" if choice.fires else ""

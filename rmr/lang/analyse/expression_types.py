@@ -1,5 +1,6 @@
 """Typing rules of expressions: the result types of operators and functions, and their demands on operands."""
 
+from rmr.base.printable import counted
 from rmr.base.record import record
 from rmr.bytecode.functions import Function, Takes
 from rmr.bytecode.program import Base
@@ -228,9 +229,8 @@ class Expressions:
         result = TypeCell(OPEN, None)
         self._solver.flow(cells.result, result)
         if len(given) != len(cells.parameters):
-            wanted = len(cells.parameters)
-            count = f"{wanted} argument" + ("" if wanted == 1 else "s")
-            message = f"the function `{name}` has {count}, here it is given {len(given)}"
+            wanted = counted(len(cells.parameters), "argument")
+            message = f"the function `{name}` has {wanted}, here it is given {len(given)}"
             notes = (DiagnosticNote(cells.item.name.span, "defined here"),)
             self._found.report("E011", message, call.span, notes=notes)
             return result

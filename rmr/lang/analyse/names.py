@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from types import MappingProxyType
 
+from rmr.base.printable import counted
 from rmr.base.record import record
 from rmr.bytecode import provided
 from rmr.bytecode.program import Base, Best, Kind, Type
@@ -384,7 +385,7 @@ def _check_use(use: Use, names: Names, found: Diagnostics) -> None:
         if signature.provided or (signature.declaration is None and name in provided.ACTIONS and not signature.is_fact):
             word = {Kind.SENSED: "sensor ", Kind.PERSISTENT: "!", Kind.ACTION: "action "}[signature.kind]
             hint = f"provided is `{declaration_text(name, signature.types, word)}`"
-        message = f"`{name}` has {_count(signature.arity, 'argument')}, here it is given {given}"
+        message = f"`{name}` has {counted(signature.arity, 'argument')}, here it is given {given}"
         found.report("E011", message, fact.span, hint=hint, notes=notes)
     _check_kind(use, names, notes, found)
 
@@ -393,10 +394,6 @@ def _place_note(signature: Signature) -> str:
     if signature.declaration is not None:
         return "declared here"
     return "first used here"
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" + ("" if number == 1 else "s")
 
 
 _FOR_FACTS = {

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from rmr.base.printable import counted, shortened
 from rmr.lang.explain import Explanation
 from rmr.lang.explain.explained_assertions import ExplainedAssertion, Origin, ServingAction
 from rmr.lang.explain.explained_goals import ExplainedGoal, LeadingRule
@@ -60,7 +61,7 @@ class _Shown:
             (explanation.goals, "goal"),
             (explanation.assertions, "time assertion"),
         )
-        yield f"{explanation.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
+        yield f"{explanation.file}: " + ", ".join(counted(len(each), word) for each, word in counts)
         for title, entries in (
             (GOALS, [self._goal(each) for each in explanation.goals]),
             (ASSERTIONS, [self.assertion(each) for each in explanation.assertions]),
@@ -90,7 +91,7 @@ class _Shown:
             yield from self._leading(rule)
         more = len(goal.rules[RULES_SHOWN_MAX:]) + goal.rules_left_out
         if more:
-            yield f"    and {_count(more, 'more rule')}"
+            yield f"    and {counted(more, 'more rule')}"
         elif not goal.worked_out:
             yield "    so much leads there that it is not worked out here; robots find out as they go"
         elif not goal.rules:
@@ -153,7 +154,7 @@ class _Shown:
             yield _entry("", f"{fact}, needed by the rule at {self._at(step.rule)},")
             fact = f"which derives {step.derives}"
         left_out = len(serving.way[STEPS_SHOWN_MAX:]) + serving.way_left_out
-        yield _entry("", f"{fact}, and {_count(left_out, 'more step')}" if left_out else f"{fact}, the finish fact")
+        yield _entry("", f"{fact}, and {counted(left_out, 'more step')}" if left_out else f"{fact}, the finish fact")
         rules = [self._at(each) for each in serving.derived_by]
         yield _entry("", f"derived by {_rules(rules)}" if rules else "no rule of this program derives it")
 
@@ -269,11 +270,6 @@ def _rules(places: Sequence[str]) -> str:
     )
 
 
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
-
-
 def _cut(text: str, limit: int = 500) -> str:
     """Return `text` cut to `limit` characters, with control characters replaced."""
-    shown = text if len(text) <= limit else text[: limit - 3] + "..."
-    return "".join(each if each.isprintable() else "\ufffd" for each in shown)
+    return "".join(each if each.isprintable() else "\ufffd" for each in shortened(text, limit))
