@@ -66,6 +66,7 @@ HOT = (
 INTERPRETED = {
     "rmr/base/ids.py": "loaded by commands that need nothing else",
     "rmr/base/mistake.py": "the same",
+    "rmr/base/printable.py": "the same",
     "rmr/base/record.py": "makes classes at run time",
     "rmr/base/values.py": "its classes are strings and ints",
     "rmr/radio/settings.py": "a table that commands and schema read, with whole numbers where those write them",

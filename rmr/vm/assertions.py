@@ -11,7 +11,8 @@ The queue is a heap sorted by deadline, then serial. Deletion is lazy: an entry 
 dropped when it comes to the front.
 
 If F belongs to another robot, that robot is asked to report it (`rmr.vm.watches`). The report ends the job as of the
-instant at which F was inserted there. A report after the deadline does not undo the miss.
+instant at which F was inserted there. A report after the deadline does not undo the miss. Both robots compute the
+bindings of S and the instance of F from the same start fact, so the bindings need not be sent.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,15 +20,15 @@ from heapq import heapify, heappop, heappush
 
 from rmr.analysis.servers import EarlierStep, steps_of
 from rmr.base.time import NEVER, NS_PER_S, Instant
-from rmr.base.values import Robot, format_value
-from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
+from rmr.base.values import Robot, Value, format_value
+from rmr.bytecode.octets import identity
+from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Kind, Pattern, Program, Slot
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.failures import Failures
 from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.match import pattern_agrees
-from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
 from rmr.vm.shared import Mine
 from rmr.vm.store import Args, Holdings
 
@@ -42,6 +43,40 @@ Key = tuple[int, Robot, object]
 
 Entry = tuple[Instant, int, int, TimedJob]
 """Entry of the deadline queue: deadline, the job's serial, the number of the entry, the job."""
+
+Bindings = tuple[Value | None, ...]
+"""Values of an assertion's slots; None: unbound."""
+
+
+def bind(slots: int, patterns: tuple[Pattern, ...], args: Args, robot: Robot) -> Bindings | None:
+    """Return the slots that `args` bind through `patterns`, or None if they do not match; slot 0 is `robot`."""
+    bindings: list[Value | None] = [None] * slots
+    bindings[SELF_SLOT] = robot
+    if not pattern_agrees(patterns, args, tuple(bindings)):
+        return None
+    for pattern, value in zip(patterns, args, strict=True):
+        if isinstance(pattern, Slot):
+            bindings[pattern.index] = value
+    return tuple(bindings)
+
+
+def instantiate(pattern: Pattern, bindings: Bindings) -> Pattern:
+    """Return `pattern` with a bound variable replaced by its value."""
+    if isinstance(pattern, Slot):
+        value = bindings[pattern.index]
+        return pattern if value is None else Constant(value)
+    return pattern
+
+
+def robot_of(pattern: Pattern, bindings: Bindings) -> Robot | None:
+    """Return the robot that `pattern` denotes under `bindings`; None if its value is no robot."""
+    named = instantiate(pattern, bindings)
+    return named.value if isinstance(named, Constant) and type(named.value) is Robot else None
+
+
+def key_of(patterns: tuple[Pattern, ...]) -> tuple[object, ...]:
+    """Return a key that is equal for identical patterns only; it distinguishes 1, 1.0 and True, unlike Python's ==."""
+    return tuple([identity(p.value) if isinstance(p, Constant) else repr(p) for p in patterns])
 
 
 class Assertions:

@@ -29,8 +29,7 @@ from rmr.bytecode.heads import bodies, codes, folds
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Atom, Bind, Code, Conjunct, Guard, Mode, Program, Rule, Strategy
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import FiringEffect, PlannedRule, draws_in
-from rmr.vm.draws import Draws
+from rmr.vm.derive import Draws, FiringEffect, PlannedRule, draws_in
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
 from rmr.vm.match import Env, OnFailure, Search

@@ -13,8 +13,7 @@ from rmr.base.time import Instant
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Program
 from rmr.vm import match, once
-from rmr.vm.derive import Chain
-from rmr.vm.draws import Draws
+from rmr.vm.derive import Chain, Draws
 from rmr.vm.evaluate import NoValue
 from rmr.vm.generate.form import ARGS, HELD, SERIAL
 from rmr.vm.generate.module import Module

@@ -18,10 +18,10 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Program
+from rmr.vm.assertions import instantiate, key_of
 from rmr.vm.derive import Chain
 from rmr.vm.goals import facts_of
 from rmr.vm.job import TimedJob
-from rmr.vm.patterns import instantiate, key_of
 from rmr.vm.predicate_reach import reach_of
 from rmr.vm.ranks import reading
 

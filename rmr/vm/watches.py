@@ -15,10 +15,10 @@ from typing import NamedTuple
 from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.bytecode.program import Assertion, Kind, Pattern, Program
+from rmr.vm.assertions import bind, instantiate, key_of, robot_of
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.machine_events import FinishSeen
 from rmr.vm.match import pattern_agrees
-from rmr.vm.patterns import bind, instantiate, key_of, robot_of
 from rmr.vm.shared import Shared
 from rmr.vm.store import Args, Holdings
 

@@ -14,7 +14,7 @@ from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import Known
 
 DRAWS = "draws"
-"""The variable of generated code that holds the numbers of a firing (`rmr.vm.draws`)."""
+"""The variable of generated code that holds the numbers of a firing (`rmr.vm.derive.Draws`)."""
 
 
 @record
