@@ -13,6 +13,9 @@ from functools import lru_cache
 from random import Random
 from typing import Any
 
+from schedule_bruteforce import follows
+
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.time import NEVER, NS_PER_MS, Instant
 from rmr.coord import events, messages
 from rmr.coord.coordination import Coordination
@@ -20,7 +23,7 @@ from rmr.coord.events import JobRequest, Send
 from rmr.coord.messages import Beacon, Job, Phase, Sched
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import Term
-from rmr.coord.timing import EXCLUSIVE, Timing
+from rmr.coord.timing import Timing
 
 MS = NS_PER_MS
 EVENT = b"corrid"
@@ -417,7 +420,7 @@ class Model:
             self._overfull(entry, inside)
         else:
             for other in inside:
-                if other.direction != entry.direction:
+                if not follows(other.direction, entry.direction):
                     self._overlap(entry, other)
         self.entries.append(entry)
         mind.inside = entry

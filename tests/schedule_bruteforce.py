@@ -7,8 +7,9 @@ again from the protocol, every pair is checked, and starts are rounded up to 10 
 from random import Random
 from typing import NamedTuple
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.coord.schedule import Placed, Rules, Task
-from rmr.coord.timing import EXCLUSIVE, MS
+from rmr.coord.timing import MS
 
 GRID_MS = 10
 
@@ -25,11 +26,20 @@ class Best(NamedTuple):
 def apart_ms(first: Task | Placed, second: Task | Placed, rules: Rules) -> int:
     """Return the milliseconds that must lie between the starts of two passages."""
     ahead, behind = first.duration // MS, second.duration // MS
-    if first.direction != second.direction or first.direction == EXCLUSIVE:
+    if not follows(first.direction, second.direction):
         return ahead + rules.opposed // MS
     headway = max(first.headway, second.headway) // MS
     overtaken = ahead - behind  # the second must not be through before the first by less than a headway
     return headway + max(overtaken, 0)
+
+
+def follows(one: int, other: int) -> bool:
+    """Return whether two directions may be under way together, written out again: 2 to 13 lead from arm to arm."""
+    if EXCLUSIVE in (one, other) or min(one, other) < 2:
+        return one == other != EXCLUSIVE
+    arms = [(entrance, end) for entrance in range(4) for end in range(4) if entrance != end]
+    (entrance, end), (its_entrance, its_end) = arms[one - 2], arms[other - 2]
+    return entrance == its_entrance or end == its_end
 
 
 def optimum(tasks: list[Task], standing: list[Placed], rules: Rules) -> Best:
@@ -63,7 +73,7 @@ def optimum(tasks: list[Task], standing: list[Placed], rules: Rules) -> Best:
     return Best(-best[0], best[1], tuple(jobs[i].robot for i in best[2]))
 
 
-WAYS = ((0,), (0, 1), (0, 1), (0, 1, 2), (0, EXCLUSIVE), (EXCLUSIVE,))
+WAYS = ((0,), (0, 1), (0, 1), (0, 1, 2), (0, EXCLUSIVE), (EXCLUSIVE,), (2, 3, 5, 6, 8, 9), range(2, 14))
 
 
 def instance(rng: Random, most: int = 8) -> tuple[list[Task], list[Placed], Rules]:

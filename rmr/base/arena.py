@@ -7,8 +7,10 @@ planner are built from the same value.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import Any, Final
 
+from rmr.base.direction import direction_of, ends_of
 from rmr.base.geometry import Point, distance, point_segment_distance
 
 Extent = tuple[float, float, float, float]
@@ -117,7 +119,7 @@ class FloorPassage:
     found: bool = False
     """Whether it was found on the floor; the lab names no passage."""
     mouths: tuple[Point, ...] = field(init=False, compare=False, repr=False)
-    """The point of each entrance; with two, the entrance of direction 0 and that of direction 1."""
+    """The point of each entrance."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mouths", tuple(area.places[0] for area in self.entrances))
@@ -133,13 +135,28 @@ class FloorPassage:
         return zip(self.mouths, self.entrances, strict=True)
 
     @property
-    def two_ended(self) -> bool:
-        """Whether robots enter at both ends."""
-        return len(self.entrances) == 2
+    def one_way(self) -> bool:
+        """Whether it has one entrance: no robot comes out of it there."""
+        return len(self.entrances) == 1
 
-    def mouth(self, way: int) -> Point:
-        """Return the entrance for direction `way`."""
-        return self.mouths[way % len(self.mouths)]
+    @property
+    def ways(self) -> Iterator[int]:
+        """The directions from end to end (`rmr.base.direction`); none of one entrance."""
+        count = len(self.entrances)
+        return (direction_of(one, other, count) for one, other in permutations(range(count), 2))
+
+    def entrance(self, way: int) -> Point:
+        """Return where robots of direction `way` enter."""
+        return self.mouths[ends_of(way)[0] % len(self.mouths)]
+
+    def end(self, way: int) -> Point:
+        """Return where they leave; of a passage with one entrance that."""
+        return self.mouths[ends_of(way)[1] % len(self.mouths)]
+
+    def back(self, way: int) -> int:
+        """Return the direction that leads the other way."""
+        entrance, end = ends_of(way)
+        return direction_of(end, entrance, len(self.entrances))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from rmr.base import arena
 from rmr.base.arena import Arena, Disc, RobotShape
+from rmr.base.direction import ENDS_MAX
 from rmr.base.geometry import Point
 from rmr.bus.checks import (
     Check,
@@ -87,8 +88,8 @@ def _check_floor(floor: Arena) -> None:
         _within(point.y, -FLOOR_M_MAX, 2 * FLOOR_M_MAX)
     for passage in floor.passages:
         name(passage.name)
-        if not 1 <= len(passage.entrances) <= 2:
-            raise MalformedError("expected a passage with one entrance or two")
+        if not 1 <= len(passage.entrances) <= ENDS_MAX:
+            raise MalformedError(f"expected a passage with one entrance or up to {ENDS_MAX}")
 
 
 def _check_shape(shape: RobotShape) -> None:

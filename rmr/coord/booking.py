@@ -1,9 +1,10 @@
 """One job in the books of a leader, as the order of jobs and the schedule see it."""
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.messages import Entry, Job, Phase, on_grid
 from rmr.coord.schedule import Task
-from rmr.coord.timing import EXCLUSIVE, MS, ScheduleTiming
+from rmr.coord.timing import MS, ScheduleTiming
 
 
 class Booking:

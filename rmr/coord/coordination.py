@@ -10,6 +10,7 @@ from functools import lru_cache
 from random import Random
 from typing import Final
 
+from rmr.base.direction import DIRECTION_MAX, EXCLUSIVE
 from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
@@ -18,7 +19,7 @@ from rmr.coord.group import Group
 from rmr.coord.messages import GROUP_ID_OCTETS, OVER, Beacon, FrameKind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import DIRECTION_MAX, EXCLUSIVE, GROUPS_MAX, IN_FLIGHT_MAX, Timing
+from rmr.coord.timing import GROUPS_MAX, IN_FLIGHT_MAX, Timing
 
 __all__ = ["Coordination", "JobRequest"]
 

@@ -20,10 +20,11 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and h
 from collections.abc import Callable
 from typing import NamedTuple
 
+from rmr.base.direction import may_follow
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import RECORDS_MAX, Timing, same_direction
+from rmr.coord.timing import RECORDS_MAX, Timing
 
 
 class Claim(NamedTuple):
@@ -152,7 +153,7 @@ class Fence:
             if who == claim.robot or beacon.phase is Phase.YIELD:
                 continue
             if beacon.phase is Phase.IN or now > beacon.start + timing.schedule.window:
-                if same_direction(beacon.direction, claim.direction):
+                if may_follow(beacon.direction, claim.direction):
                     is_open = is_open and now >= beacon.start + claim.headway and not self._bars(beacon, now)
                 elif not self.ended(beacon, now):
                     is_open = False
@@ -197,7 +198,7 @@ class Fence:
         return silent and beacon.phase is Phase.IN and self.stands_inside(beacon.group_id, beacon.who)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
-        if same_direction(claim.direction, other.direction):
+        if may_follow(claim.direction, other.direction):
             return abs(claim.start - other.start) < claim.headway
         window = self._timing.schedule.window
         return claim.start <= other.end + window and other.start <= claim.end + window
@@ -212,7 +213,7 @@ class Fence:
             silent = now - beacon.time > 2 * self._timing.claim.beacon
             if (
                 beacon.who not in (claim.who, self._robot)
-                and not same_direction(beacon.direction, claim.direction)
+                and not may_follow(beacon.direction, claim.direction)
                 and silent
             ):
                 if self.capacity == 1 or beacon.who != self._repeated:

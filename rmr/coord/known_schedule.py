@@ -8,10 +8,11 @@ from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
 
+from rmr.base.direction import leads_together
 from rmr.base.time import NEVER, Instant
 from rmr.coord.messages import OVER, Entry, Phase, Sched, encode
 from rmr.coord.term import NO_TERM, NOBODY
-from rmr.coord.timing import EXCLUSIVE, RECORDS_MAX
+from rmr.coord.timing import RECORDS_MAX
 
 
 class Extract(NamedTuple):
@@ -100,12 +101,12 @@ class KnownSchedule:
         return part.passed + self._full * part.part + 1
 
     def place(self, rank: int, direction: int) -> int:
-        """Return the place of `rank` among the robots of its direction, from 1; ranks never seen count as of its
-        direction."""
-        mine = {direction, EXCLUSIVE}
-        if direction == EXCLUSIVE or mine.issuperset(self._directions.values()):
-            return rank
-        return rank - sum([earlier < rank and other not in mine for earlier, other in self._directions.items()])
+        """Return the place of `rank` among the robots that leave by the end of its direction, from 1.
+
+        Ranks never seen count as such.
+        """
+        others = [each for each in dict.fromkeys(self._directions.values()) if not leads_together(direction, each)]
+        return rank - sum([earlier < rank and other in others for earlier, other in self._directions.items()])
 
     def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
         """Return the part, the rank and the entry of a job; None when no part lists it.

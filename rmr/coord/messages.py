@@ -16,9 +16,10 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
+from rmr.base.direction import DIRECTION_MAX
 from rmr.base.time import Duration, Instant
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import DIRECTION_MAX, GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX
+from rmr.coord.timing import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX
 
 ENTRIES_MAX: Final = 10
 """Entries of one SCHED frame: 24 + 9 x 10 = 114 octets. Where frames are shorter, `entries_max`."""

@@ -5,13 +5,14 @@ schedule whose lease has not run out, and enters in the window after the slot's 
 and its motion is ready. Otherwise the window passes, and it requests another slot.
 """
 
+from rmr.base.direction import may_follow
 from rmr.base.time import NEVER, Instant
 from rmr.coord.context import Context, OwnJob, Timer, identity, stamp
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.coord.fence import Claim
 from rmr.coord.messages import OVER, Beacon, Entry, Phase, Sched
 from rmr.coord.states import Passage
-from rmr.coord.timing import ABSENT_MAX, same_direction
+from rmr.coord.timing import ABSENT_MAX
 
 
 def begin(c: Context, request: JobRequest) -> None:
@@ -174,7 +175,7 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
                 continue
             if c.fence.is_finished(entry.robot, entry.trigger):
                 continue
-            if same_direction(entry.direction, job.request.direction):
+            if may_follow(entry.direction, job.request.direction):
                 first = entry.phase is Phase.IN and now < entry.start + job.request.headway
             else:
                 first = entry.start < start
@@ -205,7 +206,7 @@ def _somebody_presumed_gone(c: Context) -> bool:
     direction = c.job.request.direction
     return any(
         entry.phase is Phase.GONE
-        and not same_direction(entry.direction, direction)
+        and not may_follow(entry.direction, direction)
         and not c.fence.is_finished(entry.robot, entry.trigger)
         for part in c.held.parts.values()
         for entry in part.entries

@@ -19,10 +19,11 @@ from collections.abc import Sequence
 from itertools import permutations
 from typing import Final, NamedTuple
 
+from rmr.base.direction import may_follow
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.insertion import insertion, settle
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
-from rmr.coord.timing import GRID, Order, same_direction
+from rmr.coord.timing import GRID, Order
 
 EXACT_MAX: Final = 11
 """Jobs ordered exactly: 60 ms at worst where gaps are triangular, and each further one doubles that."""
@@ -74,7 +75,7 @@ class Rules(NamedTuple):
 
 def gap(first: Task | Placed, second: Task | Placed, opposed: Duration) -> Duration:
     """Return the least time from the start of `first` to the start of `second` behind it."""
-    if not same_direction(first.direction, second.direction):
+    if not may_follow(first.direction, second.direction):
         return first.duration + opposed
     headway = max(first.headway, second.headway)
     return max(headway, first.duration + headway - second.duration)
@@ -135,7 +136,7 @@ class _Chart:
         for direction, front in self._fronts.items():
             start = max(
                 start,
-                front.frees(task) if same_direction(direction, task.direction) else front.end + self._rules.opposed,
+                front.frees(task) if may_follow(direction, task.direction) else front.end + self._rules.opposed,
             )
         return _up(start)
 

@@ -23,10 +23,6 @@ GRID: Final[Duration] = 10 * MS
 """Slots and triggers lie on this grid: two octets of it reach 10.9 minutes."""
 HEADWAY_UNIT: Final[Duration] = 20 * MS
 """A headway travels in one octet of this unit: up to 5.1 s."""
-DIRECTION_MAX: Final = 15
-"""Greatest direction of a passage: it shares an octet with the phase."""
-EXCLUSIVE: Final = DIRECTION_MAX
-"""Direction of a passage that excludes every other one, those of the same direction too."""
 RECORDS_MAX: Final = 128
 """Robots remembered per group. More than a group may hold; the oldest of the finished make room first."""
 JOBS_MAX: Final = 100
@@ -56,11 +52,6 @@ class Order(Enum):
     """First come, first served: in order of joining."""
     NONE = "none"
     """No coordination: robots request no crossing."""
-
-
-def same_direction(a: int, b: int) -> bool:
-    """Return whether two passages may follow each other by a headway; else one ends before the other begins."""
-    return a == b != EXCLUSIVE
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,7 +65,7 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
             asked.setdefault(entry["robot"], entry)
     trips = []
     for robot, entry in sorted(asked.items()):
-        ways = departures(arena, arena.passages[0].mouth(entry["way"]), goals[robot].name)
+        ways = departures(arena, arena.passages[0].entrance(entry["way"]), goals[robot].name)
         tails = tuple(entry["after_s"] + (direction - ways[0]) / arena.shape.speed for direction in ways)
         (job,) = report["robots"][str(robot)]["assertions"]
         release = entry["t"] + entry["approach_s"]

@@ -203,6 +203,35 @@ def _crossing(draft: FloorDraft) -> None:
             draft.box(x0, y0, x1, y1)
 
 
+def _corridors(draft: FloorDraft) -> None:
+    """Narrow corridors that meet, three or four, with yards at their ends; most of the yards are divided by walls."""
+    rng = draft.rng
+    left, right = (
+        draft.between(0.2 * draft.width, 0.35 * draft.width),
+        draft.between(0.65 * draft.width, 0.8 * draft.width),
+    )
+    low, high = (
+        draft.between(0.2 * draft.height, 0.35 * draft.height),
+        draft.between(0.65 * draft.height, 0.8 * draft.height),
+    )
+    top = high if rng.random() < 0.5 else draft.height  # with four arms, or three
+    radius = draft.shape.radius
+
+    def arm(begin: float, end: float) -> tuple[float, float]:
+        wide = math.ceil((2.0 * radius + SPARE_M + rng.uniform(0.0, 1.4 * radius)) / draft.step) * draft.step
+        first = draft.at(begin + rng.uniform(0.25, 0.75) * (end - begin - wide))
+        return first, draft.at(first + wide)
+
+    (x0, x1), (y0, y1) = arm(left, right), arm(low, high)
+    thick = draft.at(0.05 * draft.shape.scale)
+    for near, far, edge in ((left, x0, left), (x1, right, right - thick)):
+        draft.box(near, low, far, y0)
+        draft.box(near, y1, far, top)
+        for begin, end in ((0.0, low), (top, draft.height)):
+            if rng.random() < 0.8:
+                draft.box(edge, begin, edge + thick, end)
+
+
 def _obstacles(draft: FloorDraft) -> None:
     """Boxes, discs and turned boxes, so far from each other and from the walls that a robot fits through, or two."""
     rng, radius = draft.rng, draft.shape.radius
@@ -255,6 +284,7 @@ FLOORS: Final[dict[str, Callable[[FloorDraft], None]]] = {
     "aisles": _aisles,
     "crossing": _crossing,
     "obstacles": _obstacles,
+    "corridors": _corridors,
 }
 """The kinds of floors."""
 

@@ -46,6 +46,8 @@ FROM_IMAGE: Final = 0.15
 """Share of floors that are given as images."""
 ROOM: Final = (1.0, 2.0, 4.0, 16.0)
 """Areas of the floor, relative to the usual one, that are tried until two robots find places."""
+CORRIDORS_FROM: Final = 5_000
+"""Labs of seeds before this have no corridors that meet: their rows are compared with those that were landed."""
 NAMINGS: Final = ("none", "bottleneck", "passages", "stations")
 
 
@@ -92,7 +94,8 @@ def _with_room(seed: int, room: float) -> DrawnLab:
     """Return the lab of a seed with so much room on its floor, with as many robots as find a place."""
     robots_rng, floor_rng, rng = (stream(f"drawn/{seed}/{part}") for part in ("robots", "floor", "kinds"))
     program = rng.choices(list(PROGRAMS), (30, 20, 20, 20, 10))[0]
-    kind = "open" if program == "formation" else rng.choices(list(FLOORS), (10, 25, 20, 20, 10, 15))[0]
+    weights = (10, 25, 20, 20, 10, 15, 0 if seed < CORRIDORS_FROM else 50)
+    kind = "open" if program == "formation" else rng.choices(list(FLOORS), weights)[0]
     count, shape = _robots(robots_rng)
     image = floor_rng.random() < FROM_IMAGE
     step = round(max(0.02, 0.2 * shape.radius), 2) if image else 0.01

@@ -8,13 +8,14 @@ from textwrap import dedent
 import pytest
 from lab_maker import small_lab, traced
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.time import milliseconds, seconds
 from rmr.coord import planner
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
 from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import EXCLUSIVE, Timing
+from rmr.coord.timing import Timing
 from rmr.node.actions.drives import BarredDrive
 from rmr.node.logic.exchange import Exchange
 from rmr.node.logic.inbound import Inbound

@@ -11,7 +11,7 @@ from command_runner import invoke
 from rmr.base.time import in_seconds, seconds
 from rmr.commands.subcommands import command as main
 from rmr.node.trace import TraceLevel
-from rmr_sim.run_setup import Options, load
+from rmr_sim.run_setup import Options, load, report_of
 
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)
@@ -21,6 +21,8 @@ TIER = {
     "aisles/through.yaml": pytest.mark.slow,
     "charging/lab.yaml": pytest.mark.slow,
     "crossing/lab.yaml": pytest.mark.medium,
+    "junction/intersection.yaml": pytest.mark.medium,
+    "junction/lab.yaml": pytest.mark.medium,
     "office/lab.yaml": pytest.mark.medium,
 }
 """The labs; a run of each is shared by the tests of one tier."""
@@ -133,6 +135,16 @@ def test_eight_robots_cross_the_intersection_one_at_a_time():
     turns = turns_of(simulation, "crossing()")
     assert len({robot for _, _, robot in turns}) == 8
     assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("file", ["junction/intersection.yaml", "junction/lab.yaml"])
+def test_where_corridors_meet_robots_are_inside_together_and_most_are_on_time(file):
+    simulation, finished = ran(file, 1)
+    turns = turns_of(simulation, "junction_1")
+    assert {robot for _, _, robot in turns} == set(range(1, 9))
+    assert sum(begin < end for (_, end, _), (begin, _, _) in pairwise(turns)) >= 2
+    assert report_of(simulation, finished)["deadlines"]["met"] >= 6  # without turns one
 
 
 @pytest.mark.slow

@@ -332,11 +332,12 @@ def _paste(found: Sequence[ExplainedPassage]) -> Iterator[str]:
     yield ""
     yield "    areas:"
     for passage in found:
-        for sign, end in zip("ab", passage.ends, strict=True):
+        for sign, end in zip("abcd", passage.ends, strict=False):
             yield f"      {passage.name}_{sign}: {{at: {_at(end)}}}"
     yield "    passages:"
     for passage in found:
-        yield f"      {passage.name}: {{mouths: [{passage.name}_a, {passage.name}_b]}}"
+        mouths = ", ".join(f"{passage.name}_{sign}" for sign, _ in zip("abcd", passage.ends, strict=False))
+        yield f"      {passage.name}: {{mouths: [{mouths}]}}"
 
 
 _KINDS = {

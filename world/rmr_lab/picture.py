@@ -8,6 +8,7 @@ planner. Metres are scaled to pixels; y points up.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from itertools import combinations
 
 from rmr.base.arena import Area, Arena, Disc
 from rmr.base.geometry import Point
@@ -147,8 +148,8 @@ class _Picture:
         for passage in self._arena.passages:
             for mouth in passage.mouths:
                 yield self._circle("mouth", mouth, self._arena.shape.radius)
-            if passage.two_ended:
-                yield self._line("passage", *passage.mouths)
+            for ends in combinations(passage.mouths, 2):
+                yield self._line("passage", *ends)
 
     def _found(self) -> Iterator[str]:
         for passage in self._passages:

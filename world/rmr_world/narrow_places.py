@@ -4,7 +4,8 @@ The skeleton of the free space (`clearance_grid`) runs in the middle between obs
 robot but not two side by side, it is *narrow*; where it allows two, *wide*. A connected narrow part that reaches wide
 places at two ends is a *passage*. One that reaches them at one end only is a dead end or the corner of a room, and no
 passage. One with three ends or more is divided at a *zone*, the cell that is nearest to three of its ends together, and
-each part is looked at again. So a crossing of corridors becomes a zone with a passage in each arm.
+each part is looked at again. So a crossing of corridors becomes a zone with a passage in each arm, and the whole a
+*junction*.
 
 A wide place in which two robots can hardly stand, such as the bend of a corridor, counts as narrow. Floors without any
 wide place have no passages: nobody can wait for anybody there.
@@ -83,11 +84,23 @@ class NarrowZone:
 
 
 @record
+class NarrowJunction:
+    """A connected narrow part with three ends or more: at none but these can robots wait for each other."""
+
+    name: str
+    """``junction_1`` and so on."""
+    arms: tuple[NarrowPassage, ...]
+    """The passages into which its zones divide it."""
+    ends: tuple[Point, ...]
+
+
+@record
 class NarrowPlaces:
     """The narrow places of a floor."""
 
     passages: tuple[NarrowPassage, ...] = ()
     zones: tuple[NarrowZone, ...] = ()
+    junctions: tuple[NarrowJunction, ...] = ()
     searched: bool = True
     """False where the floor is too large to be searched for so small a robot."""
 
@@ -128,15 +141,37 @@ class _Search:
         self._zones: list[Point] = []
 
     def found(self) -> NarrowPlaces:
+        meeting: list[tuple[slice, tuple[Point, ...]]] = []
         for cells in _grouped(self._narrow):
+            first = len(self._passages)
             ends = list(_clusters({n for cell in cells for n in self._neighbours(cell) if self._wide[n]}))
             self._divide(cells, ends)
-        passages = sorted(self._passages, key=lambda each: _from_west(*_middle(each[0])))
+            arms = slice(first, len(self._passages))
+            if len(ends) > 2:
+                meeting.append((arms, self._outer_ends(arms, ends)))
+        order = sorted(self._passages, key=lambda each: _from_west(*_middle(each[0])))
+        passages = {line: NarrowPassage(f"passage_{k}", line, width) for k, (line, width) in enumerate(order, 1)}
         zones = sorted(self._zones, key=lambda at: _from_west(*at))
+        junctions = [(tuple(passages[line] for line, _ in self._passages[arms]), ends) for arms, ends in meeting]
         return NarrowPlaces(
-            tuple(NarrowPassage(f"passage_{k}", line, width) for k, (line, width) in enumerate(passages, 1)),
+            tuple(passages.values()),
             tuple(NarrowZone(f"zone_{k}", at, self._half) for k, at in enumerate(zones, 1)),
+            tuple(NarrowJunction(f"junction_{k}", arms, ends) for k, (arms, ends) in enumerate(junctions, 1)),
         )
+
+    def _outer_ends(self, arms: slice, reached: Iterable[set[Cell]]) -> tuple[Point, ...]:
+        """Return the ends of passages that lie at the wide places of `reached`, one for each; none where one has none.
+
+        A wide place that adjoins a zone has no passage of its own.
+        """
+        ends = [end for line, _ in self._passages[arms] for end in (line[0], line[-1])]
+        found = []
+        for wide in reached:
+            away = {end: min(distance(*end, *self._grid.centre(cell)) for cell in wide) for end in ends}
+            nearest = min(away, key=lambda end: (away[end], end), default=None)
+            if nearest is not None and away[nearest] <= 3.0 * self._grid.cell:
+                found.append(nearest)
+        return tuple(found)
 
     def _divide(self, cells: set[Cell], ends: list[set[Cell]]) -> None:
         """Note the passage of a connected narrow part with two ends; divide one with more."""

@@ -24,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from rmr.base.direction import ENDS_MAX
 from rmr.base.time import NS_PER_S, tick_start
 from rmr.base.values import ROBOT_ID_MAX
 from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
@@ -178,9 +179,9 @@ class AreaSpec(_Strict):
 
 
 class PassageSpec(_Strict):
-    """What robots pass in turns: the area at its entry, or those at both ends where they come from both."""
+    """What robots pass in turns: the area at its entry, or those at its ends where they come from several."""
 
-    mouths: Annotated[list[str], Field(min_length=1, max_length=2)]
+    mouths: Annotated[list[str], Field(min_length=1, max_length=ENDS_MAX)]
 
     @model_validator(mode="before")
     @classmethod
@@ -527,7 +528,7 @@ PassageValue = Annotated[
                 {
                     "type": "object",
                     "properties": {
-                        "mouths": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
+                        "mouths": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": ENDS_MAX}
                     },
                     "required": ["mouths"],
                     "additionalProperties": False,

@@ -9,11 +9,11 @@ from itertools import pairwise
 from typing import Final
 
 from rmr.base.arena import Area, Arena, FloorPassage
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import Duration, milliseconds, seconds
-from rmr.coord.timing import EXCLUSIVE
 from rmr.node.motion import forecast
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.grid import grid_of
@@ -42,7 +42,8 @@ class Approach:
         route = navigator.route
         if route is not None and route.gate_m is not None and self._made is not None:
             kept = self._made[2]
-            if kept.passage == route.passage or not navigator.arena.has_shared_passages:
+            same = kept.passage == route.passage and kept.way == route.way
+            if same or not navigator.arena.has_shared_passages:
                 return kept._replace(approach=navigator.eta_gate())
         if route is not None and route.gate_m is not None and navigator.arena.has_shared_passages:
             return forecast.estimate_of_drive(navigator)
@@ -69,15 +70,14 @@ class Approach:
     def shared(self, pose: Pose, goal: Point, passage: FloorPassage | None, direction: int) -> dict[int, GridPath]:
         """Return the paths that the robot shares when it leads at `passage`, by direction.
 
-        In its own one, `direction`, from `pose` to `goal`, and in the opposite one from the other entrance to where it
-        comes from.
+        In its own one, `direction`, from `pose` to `goal`, and in the opposite one from the end to where it comes from.
         """
         navigator = self._navigator
         arena = navigator.arena
         paths = {direction: forecast.shared_path(arena, pose, goal, navigator.behind)}
-        if passage is not None and passage.two_ended and direction != EXCLUSIVE:
-            entrance = passage.mouth(1 - direction)
-            paths[1 - direction] = forecast.shared_path(arena, Pose(*entrance, 0.0), Point(pose.x, pose.y))
+        if passage is not None and not passage.one_way and direction != EXCLUSIVE:
+            end = passage.end(direction)
+            paths[passage.back(direction)] = forecast.shared_path(arena, Pose(*end, 0.0), Point(pose.x, pose.y))
         return {each: path for each, path in paths.items() if path is not None}
 
     def headway(self, area: Area, passage: FloorPassage | None, direction: int) -> Duration:
@@ -90,8 +90,8 @@ class Approach:
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + scale_of(arena.shape).headway_m) / arena.shape.speed
         lengths: tuple[float, ...] = ()
-        if passage is not None and not passage.two_ended and area.slotted and self._finishes_in_order:
-            lengths = departures(arena, passage.mouth(direction), area.name)
+        if passage is not None and passage.one_way and area.slotted and self._finishes_in_order:
+            lengths = departures(arena, passage.entrance(direction), area.name)
         spread = max((a - b for a, b in pairwise(lengths)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
 
@@ -148,6 +148,6 @@ def foresee(arena: Arena) -> None:
     for area in arena.areas:
         is_divided(arena, area)
     for passage in arena.passages:
-        for area in () if passage.two_ended else arena.areas:
+        for area in arena.areas if passage.one_way else ():
             if area.slotted:
-                departures(arena, passage.mouth(0), area.name)
+                departures(arena, passage.entrance(0), area.name)

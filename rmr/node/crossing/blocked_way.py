@@ -12,7 +12,7 @@ from typing import Final
 from rmr.base.arena import Arena, FloorPassage
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import in_seconds
-from rmr.node.crossing.resource import OFF_ROUTE_M, entry_route, located
+from rmr.node.crossing.resource import OFF_ROUTE_M, entry_routes, located
 from rmr.node.motion.astar import plan
 from rmr.node.motion.obstruction import obstruction
 from rmr.node.peers.perception import LostRobot
@@ -66,11 +66,9 @@ def silent_words(robots: tuple[int, ...], lost: Mapping[int, LostRobot]) -> str:
 def _passage_at(arena: Arena, goal: Point, place: Point) -> FloorPassage | None:
     """Return the passage on the way to `goal` in which a body at `place` is, or before one of whose ends."""
     for passage in arena.passages:
-        entry = entry_route(arena, passage, goal)
-        if entry is None:
-            continue
-        s, off_m = located(entry.route, Pose(place.x, place.y, 0.0))
         reach_m = 2.0 * arena.shape.radius
-        if off_m < OFF_ROUTE_M and entry.entrance_m - reach_m < s < entry.route.clear_m + reach_m:
-            return passage
+        for entry in entry_routes(arena, passage, goal):
+            s, off_m = located(entry.route, Pose(place.x, place.y, 0.0))
+            if off_m < OFF_ROUTE_M and entry.entrance_m - reach_m < s < entry.route.clear_m + reach_m:
+                return passage
     return None

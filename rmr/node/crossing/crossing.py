@@ -420,7 +420,8 @@ class Crossing:
         return [] if symptom is None else self._treat(now, symptom, situation)
 
     def _goes_elsewhere(self, plan: CrossingPlan | None) -> bool:
-        return plan is not None and plan.gated and plan.passage != self.plan.passage
+        own = self.plan
+        return plan is not None and plan.gated and (plan.passage, plan.direction) != (own.passage, own.direction)
 
     def _treat(self, now: Instant, symptom: Symptom, situation: Situation) -> list[Command]:
         release = self.late.treat(now, symptom, self.plan.approach, alone=situation.alone)

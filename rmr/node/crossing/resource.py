@@ -4,6 +4,7 @@ A resource is a narrow section that robots use in turns, entered by one entrance
 its entrance and its end are; hold line and commit line come with the route (`rmr.node.motion.gate`).
 """
 
+import math
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -35,25 +36,26 @@ def located(route: Route, pose: Pose) -> tuple[float, float]:
     return s, distance(*route.point(s), pose.x, pose.y)
 
 
-def entry_route(arena: Arena, passage: FloorPassage | None, goal: Point) -> EntryRoute | None:
-    """Return the route to `goal` from the entrance of `passage` behind which it lies.
+def entry_routes(arena: Arena, passage: FloorPassage | None, goal: Point) -> tuple[EntryRoute, ...]:
+    """Return the routes to `goal` from the entrances of `passage` behind which it lies.
 
     None where no narrow section of it is on the route.
     """
-    return None if passage is None else _entry_route(arena, passage.name, goal)
+    return () if passage is None else _entry_routes(arena, passage.name, goal)
 
 
 @lru_cache(maxsize=256)
-def _entry_route(arena: Arena, name: str, goal: Point) -> EntryRoute | None:
+def _entry_routes(arena: Arena, name: str, goal: Point) -> tuple[EntryRoute, ...]:
     passage = arena.passage(name)
+    found = []
     others = frozenset(each.name for each in arena.passages if each.name != name)
     for entrance in () if passage is None else passage.mouths:
         route = leader_route(arena, entrance, goal, (), through_gate=True, behind=others)
         if route is None or route.gate_m is None:
             continue
         if route.clear_m - route.gate_m > NARROW_RADII * arena.shape.radius:
-            return EntryRoute(route, entrance, route.gate_m)
-    return None
+            found.append(EntryRoute(route, entrance, route.gate_m))
+    return tuple(found)
 
 
 def entered_route(navigator: Navigator) -> Route | None:
@@ -64,22 +66,23 @@ def entered_route(navigator: Navigator) -> Route | None:
 
 def stands_within(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose, slack_m: float = 0.0) -> bool:
     """Return whether a robot at `pose` stands in `passage` on the way to `goal`, or within `slack_m` of that."""
-    entry = entry_route(arena, passage, goal.places[0])
-    if entry is None:
-        return False
-    s, off_m = located(entry.route, pose)
     inset_m = arena.shape.radius - slack_m
-    return off_m < OFF_ROUTE_M and entry.entrance_m + inset_m < s < entry.route.clear_m - inset_m
+    for entry in entry_routes(arena, passage, goal.places[0]):
+        s, off_m = located(entry.route, pose)
+        if off_m < OFF_ROUTE_M and entry.entrance_m + inset_m < s < entry.route.clear_m - inset_m:
+            return True
+    return False
 
 
 def obstructs_exit(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose) -> bool:
     """Return whether a robot at `pose` stands where others come out of `passage`, nearer than where it may wait."""
-    entry = entry_route(arena, passage, goal.places[0])
-    if entry is None or entry.route.room_m <= 0.0:
-        return False
     radius = arena.shape.radius
-    beside = distance(*entry.route.point(entry.entrance_m), pose.x, pose.y) < entry.route.room_m + radius
-    return beside or stands_within(arena, passage, goal, pose, radius)
+    entries = [entry for entry in entry_routes(arena, passage, goal.places[0]) if entry.route.room_m > 0.0]
+    beside = any(
+        distance(*entry.route.point(entry.entrance_m), pose.x, pose.y) < entry.route.room_m + radius
+        for entry in entries
+    )
+    return beside or (bool(entries) and stands_within(arena, passage, goal, pose, radius))
 
 
 def in_entrance(navigator: Navigator, passage: FloorPassage | None, goal: Area | None, pose: Pose | None) -> bool:
@@ -93,10 +96,10 @@ def in_entrance(navigator: Navigator, passage: FloorPassage | None, goal: Area |
         if route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
             return False
         return route.gate_m - near_m < route.length_m - navigator.remaining_m < route.clear_m
-    entry = None if goal is None or pose is None else entry_route(navigator.arena, passage, goal.places[0])
-    if entry is None or pose is None or entry.route.room_m > 0.0:
-        return False
-    return distance(*entry.entrance, pose.x, pose.y) < near_m
+    entries = () if goal is None or pose is None else entry_routes(navigator.arena, passage, goal.places[0])
+    return pose is not None and any(
+        entry.route.room_m <= 0.0 and distance(*entry.entrance, pose.x, pose.y) < near_m for entry in entries
+    )
 
 
 def is_clear(navigator: Navigator, entered: Route | None, pose: Pose | None, *, stays: bool = False) -> bool:
@@ -121,10 +124,15 @@ def is_beyond(arena: Arena, passage: FloorPassage | None, goal: Area, pose: Pose
     It has if it is nearer to the far end of the passage that leads there than to its entrance. A drive that does not
     pass the resource is no evidence: it may lead through another aisle, or to a goal on this side.
     """
-    entry = entry_route(arena, passage, goal.places[0]) if goal.slotted or goal.box is not None else None
-    if entry is None:
-        return False
+    entries = entry_routes(arena, passage, goal.places[0]) if goal.slotted or goal.box is not None else ()
     here = Point(pose.x, pose.y)
-    ends = (entry.route.point(s) for s in (entry.entrance_m, entry.route.clear_m))
-    entrance, clear = (leader_route(arena, here, end, (), through_gate=False) for end in ends)
-    return entrance is None or (clear is not None and clear.length_m < entrance.length_m)
+
+    def away_m(place: Point) -> float:
+        route = leader_route(arena, here, place, (), through_gate=False)
+        return math.inf if route is None else route.length_m
+
+    for entry in entries:
+        entrance_m = away_m(entry.route.point(entry.entrance_m))
+        if entrance_m < math.inf and entrance_m <= away_m(entry.route.point(entry.route.clear_m)):
+            return False
+    return bool(entries)

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.geometry import Pose
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.coord.events import JobRequest
-from rmr.coord.timing import EXCLUSIVE
 from rmr.node.config import UNKNOWN_INSIDE
 from rmr.node.motion.route import Route
 

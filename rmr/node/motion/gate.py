@@ -95,11 +95,10 @@ class EntryGate:
 
     def backed_out(self, passage: FloorPassage | None, pose: Pose) -> bool:
         """Return whether the robot, which is clear of `passage`, stands before the entrance by which it came."""
-        if passage is None or not passage.two_ended:
+        if passage is None or passage.one_way:
             return False
-        entrance = passage.mouth(self.way)
-        end = passage.mouth(1 - self.way)
-        return distance(pose.x, pose.y, *entrance) < distance(pose.x, pose.y, *end)
+        here = (pose.x, pose.y)
+        return distance(*here, *passage.entrance(self.way)) < distance(*here, *passage.end(self.way))
 
     def step_back(self) -> None:
         """Count the robot as before the gate again: it has left by the entrance by which it came."""

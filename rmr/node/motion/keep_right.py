@@ -34,12 +34,12 @@ def gated_route(
     if shortest is None or shortest.within or shortest.gate_m is None:
         return shortest
     asked = arena.passage(via)
-    if asked is not None and asked.two_ended and not asked.by_event and via not in behind:
+    if asked is not None and not asked.one_way and not asked.by_event and via not in behind:
         route = _through(arena, asked, start, goal, parked, behind, math.inf)
         if route is not None:
             return route
     first = arena.passage(shortest.passage)
-    if first is None or first.by_event or not first.two_ended:
+    if first is None or first.by_event or first.one_way:
         return shortest
     longest_m = shortest.length_m + 2.0 * (shortest.clear_m - shortest.gate_m)
     routes = [
@@ -53,13 +53,13 @@ def gated_route(
 
 def _right_of(arena: Arena, passage: FloorPassage, way: int) -> Iterator[FloorPassage]:
     """Yield the passages to the right of one who enters `passage` in direction `way`."""
-    entrance = passage.mouth(way)
-    end = passage.mouth(1 - way)
+    entrance = passage.entrance(way)
+    end = passage.end(way)
     dx = end.x - entrance.x
     dy = end.y - entrance.y
     for other in arena.passages:
-        if other is passage or not other.two_ended:
-            continue
+        if other is passage or len(other.mouths) != 2:
+            continue  # of several arms none is on the right
         one, two = other.mouths
         # Cross product of the direction with the vector from the middle of the one to that of the other.
         ox = (one.x + two.x - entrance.x - end.x) / 2.0
@@ -77,16 +77,16 @@ def _through(
     behind: frozenset[str],
     longest_m: float,
 ) -> Route | None:
-    """Return the shorter route that passes `passage` first, in either direction; None if longer than allowed."""
+    """Return the shorter route that passes `passage` first, in any direction; None if longer than allowed."""
     found = None
     back_m = 2.0 * arena.shape.radius
-    for way in (0, 1):
-        stops = start, passage.mouth(way), passage.mouth(1 - way), goal
+    for way in passage.ways:
+        stops = start, passage.entrance(way), passage.end(way), goal
         legs = list(pairwise(stops))
         if sum(distance(*a, *b) for a, b in legs) > longest_m:
             continue
         paths = [path for a, b in legs if (path := plan(arena, a, b, parked)) is not None]
-        if len(paths) < len(legs) or not _is_free(arena, passage, paths[1].length_m):
+        if len(paths) < len(legs) or not _is_free(arena, passage, way, paths[1].length_m):
             continue
         # To a goal on this side it would lead there and back.
         if _nears(paths[0].points, stops[2], back_m) or _nears(paths[2].points, stops[1], back_m):
@@ -104,6 +104,7 @@ def _nears(points: Sequence[Point], place: Point, reach_m: float) -> bool:
     return any(point_segment_distance(*place, *a, *b) < reach_m for a, b in pairwise(points))
 
 
-def _is_free(arena: Arena, passage: FloorPassage, length_m: float) -> bool:
+def _is_free(arena: Arena, passage: FloorPassage, way: int, length_m: float) -> bool:
     """Return whether a way of `length_m` between the ends of `passage` leads through it, not around what bars it."""
-    return length_m <= way_through_m(arena, passage.mouth(0), passage.mouth(1)) + DETOUR_M * scale_of(arena.shape).size
+    shortest_m = way_through_m(arena, passage.entrance(way), passage.end(way))
+    return length_m <= shortest_m + DETOUR_M * scale_of(arena.shape).size

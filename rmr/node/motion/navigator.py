@@ -552,7 +552,7 @@ class Navigator:
         start = Point(self._pose.x, self._pose.y)
         to = leader_route(self.arena, start, place, (), through_gate=order.through_gate)
         passage = None if to is None else self.arena.passage(to.passage)
-        if to is None or passage is None or not passage.two_ended:
+        if to is None or passage is None or passage.one_way:
             return False  # of a passage with one entrance it is not known on which side of it a place lies
         if gate.cleared or order.behind:
             return True

@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena, FloorPassage
+from rmr.base.direction import ends_of
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
@@ -58,8 +59,8 @@ class Route:
     clear_m: float = 0.0
     """Arc length where the hull is out of the narrow section."""
     way: int = 0
-    """Direction through the gate: 0 eastward (or due north), 1 westward (or due south); of a bottleneck with two
-    mouths the one by which it enters."""
+    """Direction through the gate: 0 eastward (or due north), 1 westward (or due south); of a passage with several
+    ends by `rmr.base.direction`."""
     within: bool = False
     """Whether it begins in the narrow section: the gate is where it begins."""
     room_m: float = 0.0
@@ -194,29 +195,41 @@ def make_route(
 
 def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:
     """Return `route` with the gate of `passage`; None if it does not pass it."""
-    mouths = passage.mouths
     size = scale_of(arena.shape).size
-    passed = [route.project(*mouth, 0.0, route.length_m) for mouth in mouths]
-    gate = min(passed)
-    way = passed.index(gate)
-    # Where a passage is wide, a route leads past the middle of its mouth.
-    if distance(*route.point(gate), *mouths[way]) > max(GATE_REACH_M * size, arena.clearance(*mouths[way])):
-        return None
-    if not passage.two_ended:
+    if passage.one_way:
+        gate = route.project(*passage.mouths[0], 0.0, route.length_m)
+        if not _passes(arena, route, gate, passage.mouths[0], GATE_REACH_M * size):
+            return None
         if not passage.by_event and route.length_m - gate < VIA_M:
             return None  # it ends before the entrance, in the queue
         way = way_of(route.heading(gate + INTO_M))
         clear = _end_of_narrow(arena, route, gate)
         return replace(route, gate_m=gate, clear_m=clear, way=way, passage=passage.name)
-    end = mouths[1 - way]
-    if distance(*route.point(passed[1 - way]), *end) > max(EXIT_REACH_M * size, arena.clearance(*end)):
-        return None
-    # Large robots reach far: past the mouths of this passage the way may lead through one beside it.
-    if passed[1 - way] - gate > AROUND * way_through_m(arena, *mouths) + EXIT_REACH_M * size:
-        return None
-    clear = _clear_of(arena, passage, route, gate)
-    room = _room(arena, passage)
-    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=room, passage=passage.name)
+    found = None
+    passed = [route.project(*mouth, 0.0, route.length_m) for mouth in passage.mouths]
+    for way in passage.ways:
+        entrance = passage.entrance(way)
+        end = passage.end(way)
+        gate, out = (passed[each] for each in ends_of(way))
+        passes = gate <= out and _passes(arena, route, gate, entrance, GATE_REACH_M * size)
+        if not (passes and _passes(arena, route, out, end, EXIT_REACH_M * size)):
+            continue
+        # Large robots reach far: past the mouths of this passage the way may lead through one beside it.
+        if out - gate > AROUND * way_through_m(arena, entrance, end) + EXIT_REACH_M * size:
+            continue
+        if found is None or gate < (found.gate_m or 0.0):
+            clear = _clear_of(arena, passage, route, gate)
+            room = _room(arena, passage)
+            found = replace(route, gate_m=gate, clear_m=clear, way=way, room_m=room, passage=passage.name)
+    return found
+
+
+def _passes(arena: Arena, route: Route, at_m: float, mouth: Point, reach_m: float) -> bool:
+    """Return whether `route` leads through `mouth`, to which it is nearest at `at_m`.
+
+    Where a passage is wide, a route leads past the middle of its mouth.
+    """
+    return distance(*route.point(at_m), *mouth) <= max(reach_m, arena.clearance(*mouth))
 
 
 @lru_cache(maxsize=64)
@@ -228,7 +241,7 @@ def way_through_m(arena: Arena, one: Point, other: Point) -> float:
 
 def _room(arena: Arena, passage: FloorPassage) -> float:
     """Return what a robot that waits before a mouth leaves free for others."""
-    return 2.0 * arena.shape.radius + ROOM_M if passage.two_ended else 0.0
+    return 0.0 if passage.one_way else 2.0 * arena.shape.radius + ROOM_M
 
 
 def still_behind(arena: Arena, behind: frozenset[str], at: Point) -> frozenset[str]:
@@ -246,19 +259,22 @@ def still_behind(arena: Arena, behind: frozenset[str], at: Point) -> frozenset[s
 
 def gated_again(arena: Arena, passage: FloorPassage, route: Route) -> Route:
     """Return `route`, made anew inside `passage`, with the gate behind its start."""
-    clear = _clear_of(arena, passage, route, 0.0)
     way = way_of(route.heading(0.0))
-    if passage.two_ended:
+    if not passage.one_way:
         passed = [route.project(*mouth, 0.0, route.length_m) for mouth in passage.mouths]
-        way = passed.index(min(passed))
+        off = [distance(*route.point(at), *mouth) for at, mouth in zip(passed, passage.mouths, strict=True)]
+        # The mouth by which it came lies behind it, the nearest one if several do; it passes that by which it leaves.
+        pairs = ((ends_of(each), each) for each in passage.ways)
+        way = min(((passed[one] + off[other], off[one]), each) for (one, other), each in pairs)[1]
+    clear = _clear_of(arena, passage, route, 0.0)
     room = _room(arena, passage)
     return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True, room_m=room, passage=passage.name)
 
 
 def _clear_of(arena: Arena, passage: FloorPassage, route: Route, gate: float) -> float:
-    """Return where the hull is out of what lies behind the gate; of two mouths also out of the one that follows."""
+    """Return where the hull is out of what lies behind the gate; of several mouths also out of those that follow."""
     end = _end_of_narrow(arena, route, gate)
-    for mouth in passage.mouths if passage.two_ended else ():
+    for mouth in () if passage.one_way else passage.mouths:
         out = route.project(*mouth, gate, route.length_m)
         if out > gate + VIA_M and distance(*route.point(out), *mouth) <= EXIT_REACH_M * scale_of(arena.shape).size:
             end = max(end, min(route.length_m, out + arena.shape.radius))
@@ -332,7 +348,7 @@ def leader_route(
     passage = arena.passage(route.passage)
     if passage is None or route.gate_m is None or route.gate_m < VIA_M:
         return route
-    via = passage.mouth(route.way)
+    via = passage.entrance(route.way)
     into = plan(arena, start, via, parked)
     out = plan(arena, via, goal, parked)
     if (

@@ -2,10 +2,11 @@
 
 from coord_harness import EVENT, ms
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.coord.fence import Claim, Fence
 from rmr.coord.messages import Beacon, Phase
 from rmr.coord.term import Term
-from rmr.coord.timing import EXCLUSIVE, Timing
+from rmr.coord.timing import Timing
 
 
 def beacon(

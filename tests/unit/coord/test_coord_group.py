@@ -7,6 +7,7 @@ from statistics import median
 import pytest
 from coord_campaign import SHORT, run, run_hard, run_wide
 from coord_harness import EVENT, MS, Air, Model, ms
+from schedule_bruteforce import follows
 
 from rmr.base.grid_path import GridPath
 from rmr.coord import events
@@ -74,6 +75,28 @@ def test_opposed_robots_never_meet_inside(seed: int) -> None:
     model, _ = fleet(seed, 6, ways=2, spread=3000)
     served(model)
     assert sorted(entry.rank for entry in model.entries) == list(range(1, 7))
+
+
+def test_where_corridors_meet_robots_of_two_directions_are_inside_together_if_they_share_an_end() -> None:
+    together = set()
+    for seed in range(12):
+        rng = Random(f"{seed}/meet")
+        model = Model(seed, 8)
+        for robot in model.ids:
+            way = rng.choice((2, 3, 5, 6, 8, 9) if seed % 2 else range(2, 14))  # three ends, or four
+            model.trigger(
+                ms(rng.uniform(0, 3000)), robot, deadline=ms(20_000 + rng.uniform(0, 20_000)), direction=way,
+                duration=ms(rng.uniform(2000, 5000)),
+            )  # fmt: skip
+        served(model)
+        together |= {
+            (one.direction, other.direction)
+            for one in model.entries
+            for other in model.entries
+            if one.direction < other.direction and one.start < other.end and other.start < one.end
+        }
+    assert len(together) > 10
+    assert all(follows(*pair) for pair in together)
 
 
 def test_a_late_joiner_with_an_early_deadline_goes_before_those_that_can_wait() -> None:

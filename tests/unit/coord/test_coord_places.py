@@ -7,12 +7,13 @@ import pytest
 from coord_campaign import run_places
 from coord_harness import EVENT, Air, Model, ms
 
+from rmr.base.direction import EXCLUSIVE
 from rmr.coord import events
 from rmr.coord.fence import Claim, Fence
 from rmr.coord.messages import Beacon, Phase
 from rmr.coord.schedule import Placed, Rules, Task, by_arrival, on_time, order_jobs, place
 from rmr.coord.term import Term
-from rmr.coord.timing import EXCLUSIVE, Timing
+from rmr.coord.timing import Timing
 
 
 def fleet(robots: int, places: int, *, air: Air | None = None, seed: int = 1) -> Model:

@@ -10,6 +10,7 @@ import pytest
 from doc_pages import page, section, table
 
 from rmr.base.arena import RobotShape
+from rmr.base.direction import EXCLUSIVE
 from rmr.base.motion_scale import scale_of
 from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, timing
@@ -188,7 +189,7 @@ def test_the_figures_of_motion_are_those_of_the_code():
         f"slot - approach - {in_seconds(crossing.LEAVE_EARLY):g} s",
         f"at the line within {in_seconds(lateness.READY):g} s",
         f"{in_seconds(UNKNOWN_INSIDE):g} s if nothing is known",
-        f"| {timing.EXCLUSIVE}: such turns exclude every other one |",
+        f"| {EXCLUSIVE}: such turns exclude every other one |",
         f"its front {gate.HOLD_MARGIN_M * 100:.0f} cm before",
         f"a margin of {gate.EARLY_S:g} s and a tenth of the time left",
     ):

@@ -1,14 +1,16 @@
 """Several passages: which gate a route has, which one a turn opens, and what follows behind it."""
 
 import math
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import bench
 import pytest
 
 from rmr.base.arena import Area, Arena, FloorPassage, RobotShape
-from rmr.base.geometry import Point, Pose
+from rmr.base.direction import direction_of, ends_of
+from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import seconds, tick_start
+from rmr.node.crossing import resource
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
@@ -291,3 +293,61 @@ def test_a_robot_that_comes_back_from_a_retreat_drives_through_the_passage_again
         if aside and not nav.aside and nav.route is not None and nav.route.passage == "one":
             return
     raise AssertionError((aside, pose, nav.policy.chosen))
+
+
+ARMS = [("south", 2.0, 0.6), ("west", 1.1, 2.0), ("east", 2.9, 2.0)]
+MEETING = Arena(
+    4.0,
+    3.0,
+    0.05,
+    (
+        bench.box(1.2, 0.7, 1.85, 1.85),
+        bench.box(2.15, 0.7, 2.8, 1.85),
+        bench.box(1.2, 2.15, 2.8, 3.0),
+        bench.box(1.15, 0.0, 1.2, 1.85),
+        bench.box(2.8, 0.0, 2.85, 1.85),
+    ),
+    tuple(area(*arm) for arm in ARMS),
+    passages=(FloorPassage("meeting", tuple(area(*arm) for arm in ARMS)),),
+)
+"""Three corridors that meet."""
+YARDS = [Point(2.0, 0.3), Point(0.5, 2.0), Point(3.5, 2.0)]
+INSIDE = [Point(2.0, 1.3), Point(1.5, 2.0), Point(2.5, 2.0)]
+"""In the middle of each arm."""
+TRIPS = list(permutations(range(3), 2))
+
+
+@pytest.mark.parametrize(("one", "other"), TRIPS)
+def test_where_corridors_meet_a_way_has_the_direction_from_its_entrance_to_its_end(one, other):
+    route = leader_route(MEETING, YARDS[one], YARDS[other], (), through_gate=True)
+    assert route is not None
+    assert (route.passage, route.within) == ("meeting", False)
+    assert ends_of(route.way) == (one, other)
+    assert distance(*route.point(route.gate_m or 0.0), *ARMS[one][1:]) < 0.1
+    assert distance(*route.point(route.clear_m), *ARMS[other][1:]) < 0.2
+
+
+@pytest.mark.parametrize(("one", "other"), TRIPS)
+def test_one_that_begins_in_an_arm_has_its_gate_behind_it_and_the_direction_from_that_arm(one, other):
+    route = leader_route(MEETING, INSIDE[one], YARDS[other], (), through_gate=True)
+    assert route is not None
+    assert (route.passage, route.within, route.gate_m) == ("meeting", True, 0.0)
+    assert ends_of(route.way) == (one, other)
+
+
+@pytest.mark.parametrize(("one", "other"), TRIPS)
+def test_in_every_arm_on_its_way_a_robot_is_within_and_only_at_the_end_beyond(one, other):
+    goal = Area("goal", (YARDS[other],), slotted=True)
+    passage = MEETING.passages[0]
+    assert resource.stands_within(MEETING, passage, goal, Pose(*INSIDE[one], 0.0))
+    assert not resource.stands_within(MEETING, passage, goal, Pose(*YARDS[one], 0.0))
+    assert not resource.is_beyond(MEETING, passage, goal, Pose(*YARDS[one], 0.0))
+    assert resource.is_beyond(MEETING, passage, goal, Pose(*YARDS[other], 0.0))
+
+
+def test_a_robot_without_a_turn_backs_out_by_the_entrance_by_which_it_came():
+    passage = MEETING.passages[0]
+    gate = EntryGate(MEETING.shape, holding=False)
+    gate.way = direction_of(2, 0, 3)
+    assert gate.backed_out(passage, Pose(*YARDS[2], 0.0))
+    assert not gate.backed_out(passage, Pose(*YARDS[0], 0.0))

@@ -167,7 +167,7 @@ def test_who_turns_round_inside_follows_no_path_that_leads_back():
 
 
 def test_departures_are_measured_from_the_mouth_of_the_way():
-    eastward, westward = (departures(TWOWAY, TWOWAY.passages[0].mouth(way), "right") for way in (0, 1))
+    eastward, westward = (departures(TWOWAY, TWOWAY.passages[0].entrance(way), "right") for way in (0, 1))
     assert eastward[0] > eastward[1]
     assert eastward[1] - westward[1] == pytest.approx(0.6, abs=0.05)
 

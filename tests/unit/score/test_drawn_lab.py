@@ -9,7 +9,7 @@ import drawn_lab
 import pytest
 import yaml
 from drawn_floor import FLOORS, Shape, draw_floor, pixels, places
-from drawn_lab import BEACONS, NAMINGS, RADII_M, ROBOTS, SPEEDS_MPS, draw_lab
+from drawn_lab import BEACONS, CORRIDORS_FROM, NAMINGS, RADII_M, ROBOTS, SPEEDS_MPS, draw_lab
 from drawn_program import PROGRAMS
 
 from rmr.base.geometry import Point, distance
@@ -52,7 +52,9 @@ def test_two_seeds_draw_two_labs():
     [("floor", FLOORS), ("program", PROGRAMS), ("naming", NAMINGS), ("image", ("yes", "no"))],
 )
 def test_every_kind_is_drawn(part, kinds):
-    assert {drawn.kinds[part] for drawn in DRAWN} == set(kinds)
+    newer = [draw_lab(seed) for seed in range(CORRIDORS_FROM, CORRIDORS_FROM + 20)]
+    assert {drawn.kinds[part] for drawn in [*DRAWN, *newer]} == set(kinds)
+    assert "corridors" not in {drawn.kinds["floor"] for drawn in DRAWN}
 
 
 def test_beacons_are_drawn_by_default_on_one_wall_on_all_and_anywhere():

@@ -1,5 +1,6 @@
 """Passages of a lab that names none: which are found, and as what they reach robots."""
 
+import math
 from collections.abc import Iterable
 
 import pytest
@@ -35,7 +36,7 @@ def names(arena: Arena) -> Iterable[str]:
 
 def test_the_door_between_two_rooms_is_a_passage_for_all_robots(tmp_path):
     (door,) = arena_of(tmp_path).passages
-    assert (door.name, door.found, door.by_event, door.two_ended) == ("passage_1", True, False, True)
+    assert (door.name, door.found, door.by_event, door.one_way) == ("passage_1", True, False, False)
     (west_x, west_y), (east_x, east_y) = door.mouths
     assert (west_x, east_x) == (pytest.approx(1.1, abs=0.05), pytest.approx(1.9, abs=0.05))
     assert west_y == east_y == pytest.approx(0.75, abs=0.01)
@@ -70,9 +71,67 @@ def test_passages_without_room_to_wait_between_them_are_left_out(tmp_path):
     assert names(arena_of(tmp_path, floor=floor)) == []
 
 
+CORRIDORS = """\
+lab: corridors
+program: none.rmr
+arena: {size: [4.0, 3.0], cell: 0.05}
+obstacles:
+  - {box: [1.2, 0.7, 1.85, 1.35]}
+  - {box: [2.15, 0.7, 2.8, 1.35]}
+  - {box: [1.2, 1.65, 1.85, 2.3]}
+  - {box: [2.15, 1.65, 2.8, 2.3]}
+robots:
+  - {id: 1, pose: [0.5, 0.75, 0deg]}
+"""
+MIDDLE = "  - {box: [1.2, 1.65, 2.8, 2.3]}\n"
+"""Instead of the upper blocks: three corridors meet."""
+
+
+def three(floor: str = CORRIDORS) -> str:
+    lines = floor.splitlines(keepends=True)
+    return "".join([*lines[:6], MIDDLE, *lines[8:]])
+
+
+def test_corridors_that_meet_are_one_passage_with_an_end_for_each(tmp_path):
+    (four,) = arena_of(tmp_path, floor=CORRIDORS).passages
+    assert (four.name, four.found, len(four.mouths)) == ("junction_1", True, 4)
+    outer = [(2.0, 0.6), (1.1, 1.5), (2.9, 1.5), (2.0, 2.4)]
+    assert sorted(four.mouths) == [pytest.approx(end, abs=0.06) for end in sorted(outer)]
+    (one,) = arena_of(tmp_path, floor=three()).passages
+    assert sorted(one.mouths) == [pytest.approx(end, abs=0.06) for end in sorted(outer[:3])]
+
+
+def test_a_robot_that_starts_in_one_arm_holds_them_all(tmp_path):
+    assert names(arena_of(tmp_path, floor=CORRIDORS.replace("0.5, 0.75, 0deg", "1.5, 1.5, 0deg"))) == []
+
+
+def test_where_five_corridors_meet_none_of_them_has_turns(tmp_path):
+    blocks = "".join(
+        f"  - {{polygon: [{', '.join(corners)}]}}\n"
+        for corners in (
+            [
+                f"[{2.0 + r * math.cos(a):.3f}, {2.0 + r * math.sin(a):.3f}]"
+                for r, a in ((0.3, m), (1.2, m - w), (1.2, m + w))
+            ]
+            for m, w in ((math.radians(72 * k + 36), math.radians(28)) for k in range(5))
+        )
+    )
+    head, robots = CORRIDORS.split("obstacles:\n", maxsplit=1)[0], CORRIDORS[CORRIDORS.index("robots:") :]
+    floor = head.replace("[4.0, 3.0]", "[4.0, 4.0]") + "obstacles:\n" + blocks + robots.replace("0.5, 0.75", "0.3, 0.3")
+    assert names(arena_of(tmp_path, floor=floor)) == []
+
+
+def test_a_lab_may_name_the_ends_of_corridors_that_meet(tmp_path):
+    ends = "areas: {s: {at: [2.0, 0.6]}, w: {at: [1.1, 1.5]}, e: {at: [2.9, 1.5]}, n: {at: [2.0, 2.4]}}\n"
+    (named,) = arena_of(tmp_path, ends, "passages: {meeting: {mouths: [s, w, e, n]}}\n", floor=CORRIDORS).passages
+    assert (named.name, named.found, len(named.mouths)) == ("meeting", False, 4)
+
+
 def test_robots_are_told_of_it_with_the_floor(tmp_path):
     arena = arena_of(tmp_path)
     assert from_data(to_data(arena)) == arena
+    meeting = arena_of(tmp_path, floor=CORRIDORS)
+    assert from_data(to_data(meeting)) == meeting
 
 
 def test_the_bound_of_a_run_does_not_take_a_passage_that_was_found_for_the_only_way(tmp_path):

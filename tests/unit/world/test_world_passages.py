@@ -45,7 +45,7 @@ MISTAKES = [
     (SOUTH, "South: south_west", "passages.South"),
     (SOUTH, "bottleneck: south_west", "bottleneck: a lab has a bottleneck or passages"),
     ("passages:\n", "bottleneck: south_west\npassages:\n", "passages.north: a lab has a bottleneck or passages"),
-    ("[2.6, 0.9]", "[1.6, 1.0]", "passages.south: its two mouths are closer than a robot is wide"),
+    ("[2.6, 0.9]", "[1.6, 1.0]", "passages.south: two of its mouths are closer than a robot is wide"),
     ("  south_east: {at: [2.6, 0.9]}", "  south_east: {at: [2.6, 1.9]}", "'south_east' is 0.20 m from 'north_east'"),
 ]
 
@@ -111,20 +111,16 @@ start(R), goes(R, A) -o moveto(R, A).
 """
 
 
-@pytest.mark.parametrize(
-    ("change", "warnings"),
-    [
-        (("", ""), 2),
-        (("localisation", "passages: {}\nlocalisation"), 0),
-        (("1.85]}\n  - {box: [2.15", "1.7]}\n  - {box: [2.15"), 0),
-    ],
-)
-def test_corridors_that_meet_without_room_to_wait_are_warned_of(tmp_path, change, warnings):
-    (tmp_path / "lab.yaml").write_text(JUNCTION.replace(*change))
+@pytest.mark.parametrize(("x", "named", "warnings"), [(2.2, "", 2), (2.2, "passages: {}\n", 0), (2.8, "", 0)])
+def test_doors_that_face_each_other_without_room_to_wait_are_warned_of(tmp_path, x, named, warnings):
+    walls = [(left, low, left + 0.3, high) for left in (1.3, x) for low, high in ((0.0, 0.55), (0.85, 3.0))]
+    boxes = "".join(f"  - {{box: {list(wall)}}}\n" for wall in walls)
+    head, rest = JUNCTION.split("obstacles:\n")
+    (tmp_path / "lab.yaml").write_text(f"{head}obstacles:\n{boxes}{rest[rest.index('areas:') :]}{named}")
     (tmp_path / "junction.rmr").write_text(GOES)
     loaded = load_lab(tmp_path)
     found = str(validated(loaded, load_lab_program(loaded)).warnings)
-    assert found.count("has no turns, so robots meet in it: it ends 0.3") == warnings
+    assert found.count("has no turns, so robots meet in it: it ends 0.") == warnings
 
 
 TOUR = """

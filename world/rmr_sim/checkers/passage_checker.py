@@ -9,11 +9,12 @@
 - In one direction a robot follows the other by its headway, less the window in which either may enter.
 """
 
+from rmr.base.direction import may_follow
 from rmr.base.record import record
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
-from rmr.coord.timing import Timing, same_direction
+from rmr.coord.timing import Timing
 from rmr.node.crossing.situation import Unforeseen
 from rmr_sim.checkers.run_view import TICK, RecentTable, RunView
 
@@ -115,7 +116,7 @@ class PassageChecker:
         if one.cautious or not self._bound(now, one, other):
             return
         pair = (other.robot, one.robot)
-        if not same_direction(one.direction, other.direction):
+        if not may_follow(one.direction, other.direction):
             words = f"robot {one.robot} entered while robot {other.robot} was inside another way"
             self._view.violate(now, "overlap", pair, words)
             return

@@ -4,6 +4,7 @@ Each check takes the draft of the lab and yields the errors of one rule.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 from rmr.base.arena import BOTTLENECK, Area
 from rmr.base.geometry import Point, distance
@@ -75,14 +76,12 @@ def passages_defined(draft: LabDraft) -> Iterator[Finding]:
 
 
 def passage_ends_apart(draft: LabDraft) -> Iterator[Finding]:
-    """The two ends of a passage are two places."""
+    """The ends of a passage are as many places."""
     for path, (name, _) in draft.entrances.items():
         passage = draft.arena.passage(name)
-        if passage is None or not passage.two_ended:
-            continue
-        one, other = passage.mouths
-        if distance(*one, *other) < 2 * draft.arena.shape.radius:
-            yield draft.error(path, "its two mouths are closer than a robot is wide")
+        ends = () if passage is None else combinations(passage.mouths, 2)
+        if any(distance(*one, *other) < 2 * draft.arena.shape.radius for one, other in ends):
+            yield draft.error(path, "two of its mouths are closer than a robot is wide")
 
 
 def passages_apart(draft: LabDraft) -> Iterator[Finding]:

@@ -196,13 +196,14 @@ def stations_off_passages(lab: Lab, program: Program) -> Iterator[Finding]:
     """No place of a station lies in a passage that the file names: a robot that stays there would close it."""
     del program
     arena = lab.arena
-    for passage in [each for each in arena.passages if each.two_ended and not each.found] if arena.stations else ():
-        way = plan(arena, passage.mouth(0), passage.mouth(1))
-        for name, _ in arena.stations if way is not None else ():
+    for passage in [each for each in arena.passages if not each.found] if arena.stations else ():
+        ways = [plan(arena, *ends) for ends in combinations(passage.mouths, 2)]
+        lines = [way.points for way in ways if way is not None]
+        for name, _ in arena.stations:
             area = arena.area(name)
-            assert way is not None
             assert area is not None
-            if any(_off(place, way.points) < 2.0 * arena.shape.radius for place in spots(arena, area)):
+            near_m = 2.0 * arena.shape.radius
+            if any(_off(place, line) < near_m for line in lines for place in spots(arena, area)):
                 message = f"lies in passage '{passage.name}': a robot that stays there would close it"
                 yield lab.error(_station_path(lab, name), message)
 
