@@ -54,11 +54,14 @@ class MakingRoom:
         driver = robot.driver
         pose = robot.pose
         held = crossing.action
-        if now < self._look_at or driver is None or pose is None or held is None or held.started is not None:
+        if now < self._look_at or driver is None or pose is None or held is None:
+            return
+        waits = held.started is not None and driver.navigator.waits(now)
+        if held.started is not None and not waits:
             return
         self._look_at = now + LOOK_EVERY
         here = Point(pose.x, pose.y)
-        stands = robot.driving is None and driver.navigator.status != "moving"
+        stands = waits or (robot.driving is None and driver.navigator.status != "moving")
         goal = here if crossing.goal is None else crossing.goal.places[0]
         if station is not None and stands and not robot.acts:
             self._make_room(now, driver, here, goal)
@@ -101,6 +104,9 @@ class MakingRoom:
 
     def _make_room(self, now: Instant, driver: Driver, here: Point, goal: Point, *ways: Route) -> None:
         """Drive to free floor off `ways` and stations, on this side of the way to the own `goal`."""
+        if driver.navigator.status == "moving":  # its drive has begun, and waits before the gate
+            driver.navigator.leave_place(now)
+            return
         peers = self._robot.peers
         self._tries += 1
         robot = self._robot.config.robot

@@ -327,6 +327,15 @@ class Navigator:
             self._replan(now, pose, keep=True)
         return True
 
+    def waits(self, now: Instant) -> bool:
+        """Return whether the robot stands before a gate until its turn."""
+        route = self.route
+        return route is not None and not self.aside and self._v == 0.0 and self._gate.waiting(now, route)
+
+    def leave_place(self, now: Instant) -> None:
+        """Drive to free floor for a while, since another robot needs the place: the order stays."""
+        self._escape(now, self._pose, DeadlockCause.ON_A_GOAL)
+
     def _leaves_goal(self, now: Instant, pose: Pose) -> bool:
         """Begin to drive off another one's goal, if this robot has no route and stands there; return whether it does.
 

@@ -41,7 +41,7 @@ class DeadlockCause(Enum):
     NO_WAY_BACK = "no way back"
     """After an excursion there is no route to the goal."""
     ON_A_GOAL = "stands on another one's goal"
-    """The robot has no route, and stands where another one wants to go that gets nowhere."""
+    """The robot has no route, or waits for its turn, and stands where another one wants to go that gets nowhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +218,7 @@ ESCAPES: Final[tuple[Escape, ...]] = (
         "retreat",
         "a jam outside of the bottleneck: no escape has led 10 cm away and nearer to the goal for 8 s, or a robot that "
         "has made room finds no route back for so long; with its turn or without. Or the robot has no route, since its "
-        "goal is taken, and stands where another one wants to go that gets nowhere",
+        "goal is taken, or waits for its turn, and stands where another one wants to go that gets nowhere",
         "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
         "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
         "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
