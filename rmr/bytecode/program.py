@@ -307,7 +307,10 @@ class Effect:
 
 @record
 class Best:
-    """``min`` or ``max`` of a persistent predicate: of facts that differ in one argument only, the best is kept."""
+    """``min`` or ``max`` of a persistent predicate: of facts that agree before an argument, the best is kept.
+
+    The argument decides, and among equal values those behind it in their order (`rmr.vm.aggregate.replaces`).
+    """
 
     argument: int
     """Its place, the owner not counted."""

@@ -6,10 +6,11 @@ be in range, not the partial sums. Among equal values the oldest is both the min
 """
 
 from collections.abc import Callable
+from typing import Any
 
 from rmr.base.values import Value
 from rmr.bytecode.arithmetic import built, checked, less, numbers
-from rmr.bytecode.program import Operator
+from rmr.bytecode.program import Best, Operator
 
 
 def _sum(values: list[Value]) -> Value:
@@ -33,6 +34,28 @@ def better(operator: Operator, value: Value, best: Value | None) -> bool:
         less(value, value)  # raises for a single value without an order, as it would with two
         return True
     return less(value, best) if operator is Operator.MIN else less(best, value)
+
+
+def replaces(best: Best, args: tuple[Value, ...], kept: tuple[Value, ...]) -> bool:
+    """Return whether a fact takes the place of the one `kept`, with which it agrees before the argument of `best`.
+
+    Equal values are told apart by the arguments behind, in their order: what is kept of some facts is the same in
+    whichever order they come, at every robot.
+    """
+    value, other = args[best.argument], kept[best.argument]
+    if better(operator := Operator.MIN if best.least else Operator.MAX, value, other):
+        return True
+    if better(operator, other, value):
+        return False
+    behind, others = _place(args[best.argument + 1 :]), _place(kept[best.argument + 1 :])
+    return behind < others if best.least else others < behind
+
+
+def _place(value: Value) -> tuple[str, Any]:
+    """Return where a value of any type stands among all values; those of different types by the names of these."""
+    if isinstance(value, tuple):
+        return "list", tuple([_place(item) for item in value])
+    return type(value).__name__, value
 
 
 def reduced(operator: Operator, values: list[Value]) -> Value | None:

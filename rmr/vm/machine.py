@@ -19,8 +19,8 @@ from rmr.base.streams import Choices
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.octets import identity
-from rmr.bytecode.program import ANY, Constant, Duty, Effect, Kind, Operator, Pattern, Program, Strategy
-from rmr.vm.aggregate import better
+from rmr.bytecode.program import ANY, Constant, Duty, Effect, Kind, Pattern, Program, Strategy
+from rmr.vm.aggregate import replaces
 from rmr.vm.derive import Chain, Derived, DerivedKind, evaluated
 from rmr.vm.evaluate import NoValue
 from rmr.vm.goals import GoalArgs
@@ -76,7 +76,7 @@ class Machine(Parts):
         self._now: Instant = 0
         self._choices = choices
         self._bests: dict[tuple[object, ...], Args] = {}
-        """The best fact of those that differ in one argument only, by predicate and the other arguments."""
+        """The best fact of those that agree before the argument that decides, by predicate and what they agree in."""
         self._purpose: Purpose = ()
         """The open goals that the present firing serves; what it derives serves them, too."""
         by_deadline = program.strategy is Strategy.DEADLINE and bool(program.assertions)
@@ -381,11 +381,10 @@ class Machine(Parts):
     def is_worse(self, now: Instant, predicate: int, args: Args) -> bool:
         """Return whether a fact is no better than the one kept in its place; remove that one if it is better."""
         best = self._shared.best[predicate]
-        argument = best.argument
-        key = (predicate, identity((*args[:argument], *args[argument + 1 :])))
+        key = (predicate, identity(args[: best.argument]))
         kept = self._bests.get(key)
         if kept is not None:
-            if not better(Operator.MIN if best.least else Operator.MAX, args[argument], kept[argument]):
+            if not replaces(best, args, kept):
                 return True
             self._withdraw(now, predicate, kept)
         self._bests[key] = args

@@ -12,7 +12,7 @@ from typing import Final
 
 from rmr.base.printable import counted
 from rmr.base.time import Instant
-from rmr.bytecode.program import Duty, Kind
+from rmr.bytecode.program import ANY, Duty, Kind
 from rmr.vm.derive import DerivedKind
 from rmr.vm.provenance import DeliveredCause, FiringCause
 from rmr.why.explain import DEPTH, SENSES, stages, withdrawn_text
@@ -95,14 +95,17 @@ class AbsenceFinder:
         if holding:
             words = self._words(mind, holding[-1])
             return AbsenceNode("held", f"{words} holds since {seconds_text(holding[-1].at)}; ask without --not")
-        if not past:
-            return AbsenceNode("absent", f"{text} does not hold at {when}: it never did")
-        last = past[-1]
-        until = f"from {seconds_text(last.at)} until {seconds_text(last.until)}"
-        node = AbsenceNode("absent", f"{text} does not hold at {when}")
-        node.children.append(
-            AbsenceNode("missing", f"{self._words(mind, last)} held {until}: {removal(self._past, mind, last)}")
-        )
+        node = AbsenceNode("absent", f"{text} does not hold at {when}" + (": it never did" if not past else ""))
+        for last in past[-1:]:
+            until = f"from {seconds_text(last.at)} until {seconds_text(last.until)}"
+            words = f"{self._words(mind, last)} held {until}: {removal(self._past, mind, last)}"
+            node.children.append(AbsenceNode("missing", words))
+        best = self._program.predicates[asked.predicate].best
+        if best is not None:
+            asked = asked._replace(args=(*asked.args[: best.argument], *[ANY] * (len(asked.args) - best.argument)))
+            kept = [each for each in mind.held(asked.predicate, self._now) if asked.matches(mind.robot, each.args)]
+            words = "in its place: " + ", ".join(self._words(mind, each) for each in kept[-NEAR_SHOWN:])
+            node.children += [AbsenceNode("note", words)] if kept else []
         return node
 
     def _goal(self, asked: Question, mind: MindIndex, text: str) -> AbsenceNode:

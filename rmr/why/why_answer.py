@@ -114,6 +114,12 @@ def _end(past: Past, premise: Premise, until: Instant) -> str:
 
 def removal(past: Past, mind: MindIndex, fact: PastFact) -> str:
     """Return what removed a fact that holds no more."""
+    best = past.program.predicates[fact.predicate].best
+    if best is not None:
+        key = fact.args[: best.argument]
+        after = (each for each in mind.by_predicate[fact.predicate] if each.number > fact.number)
+        better = next((each for each in after if each.args[: best.argument] == key), None)
+        return "replaced by " + ("a better one" if better is None else Explainer(past, mind.robot).text(mind, better))
     if isinstance(fact.removal, FiringCause):
         rule = mind.firings[fact.removal.number].rule
         return f"consumed by firing {fact.removal.number}, {rule_name(past.program, rule)}"

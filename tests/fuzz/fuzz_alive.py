@@ -194,7 +194,8 @@ def _in_body(body: Sequence[Conjunct], predicates: Sequence[Predicate], bound: s
         declared = predicates[each.predicate]
         slots = [arg.index for arg in each.args if isinstance(arg, Slot)]
         yield f"{where}{declared.kind.name.lower()} {each.mode.name.lower()}"
-        yield from ["best is kept"] * (declared.best is not None)
+        if declared.best is not None:
+            yield "best is kept" + " with others" * (declared.best.argument + 1 < len(declared.types))
         yield from [f"{where}heard of a neighbour"] * declared.name.startswith("heard__")
         yield from [f"{where}same predicate"] * (each.predicate in seen)
         yield from [f"{where}join"] * any(slot in bound for slot in slots)

@@ -54,7 +54,7 @@ ALIVE = [
     *(f"fold {each.name.lower()}" for each in Operator),
     *(f"folded {each}" for each in ("temporary keep", "temporary absent", "persistent read", "guard", "bind", "join")),
     *(f"{where}heard of a neighbour" for where in ("", "inner ", "folded ")),
-    *("value of a head", "conditional head", "best is kept"),
+    *("value of a head", "conditional head", "best is kept", "best is kept with others"),
     *("comprehension", "steps", "plain head", "body of only not"),
     *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
     *(

@@ -297,6 +297,7 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
 def _best(item: TypeDeclaration, found: Diagnostics) -> Best | None:
     """Return which facts of a declared predicate are kept, if not all."""
     marked = [(place, each) for place, each in enumerate(item.parameters) if each.extreme]
+    best: Best | None = None
     for place, each in marked:
         word = each.extreme
         if item.kind is not Declared.PERSISTENT:
@@ -308,10 +309,11 @@ def _best(item: TypeDeclaration, found: Diagnostics) -> Best | None:
             found.report("E020", f"`{word}` compares numbers or strings", each.span, hint=hint)
         elif place != marked[0][0]:
             notes = (DiagnosticNote(marked[0][1].span, "here"),)
-            found.report("E010", "the best is kept by one argument only", each.span, notes=notes)
+            hint = f"drop this `{word}`: the arguments behind the first come with it; or declare one fact for each"
+            found.report("E010", "the best is kept by one argument only", each.span, hint=hint, notes=notes)
         else:
-            return Best(place - 1, word == "min")
-    return None
+            best = Best(place - 1, word == "min")
+    return best
 
 
 def _define(item: FunctionItem, names: Names, found: Diagnostics) -> None:

@@ -31,7 +31,7 @@ A remote that itself waits for a decision does not refuse an offer from a robot 
 own facts are back. Of robots that offer to one another, one therefore fires.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import permutations
 
@@ -100,13 +100,23 @@ class _Rewriting(RuleWriter):
         """Return the home's copy of a remote part, the rules that make it, and the conditions left for the home."""
         home = self.home
         remote = part.owner
-        own = known_from(part.facts, [])
         ends = {each.name for each in (home, remote) if isinstance(each, Variable)}
-        pushed = [each for each in conditions if set(names_in(each)) <= own | ends and set(names_in(each)) - ends]
+        place = self._names.of(part.facts[0]).best
+        changing: set[str] = set()
+        if place is not None:
+            # A better fact takes the place of what was told, so all of it is told, and tested by the home.
+            fact, equations = self._whole(part.facts[0], ends)
+            part = replace(part, facts=(fact,), inverted=fact if part.inverted is not None else None)
+            conditions = [*conditions, *equations]
+            changing = set(names_in(fact.arguments[1 + place.argument :]))
+        own = known_from(part.facts, [])
+        named = own - changing | ends
+        pushed = [each for each in conditions if set(names_in(each)) <= named and set(names_in(each)) - ends]
         left = [each for each in conditions if each not in pushed]
         shown = [name for name in names_in(part.facts) if name not in ends and name in own]
         argument = (remote,) if isinstance(remote, Variable) else ()
-        best = self._best(part, shown, len(argument))
+        before = len(argument) + len(shown) - len(changing)
+        best = None if place is None else Best(before, place.least)
         types = [*[ROBOT_TYPE for _ in argument], *[self.type(name) for name in shown]]
         view = self.make("told", Duty.VIEW, types, Kind.PERSISTENT, best=best)
         self.must_fit("what is told", shown, 3)
@@ -154,16 +164,26 @@ class _Rewriting(RuleWriter):
                 needed.append(each)
         return [] if part.owner.name in known else needed
 
-    def _best(self, part: RemotePart, shown: Sequence[str], before: int) -> Best | None:
-        """Return which copies are kept of a predicate of which only the best fact is."""
-        fact = part.facts[0]
+    def _whole(self, fact: FactNode, ends: Collection[str]) -> tuple[FactNode, list[Condition]]:
+        """Return a `min` or `max` atom that any fact matches, but for the key's constants, and tests of what it has."""
         best = self._names.of(fact).best
-        if best is None:
-            return None
-        compared = fact.arguments[1 + best.argument]
-        if not isinstance(compared, Variable) or compared.name not in shown:
-            return None
-        return Best(before + list(shown).index(compared.name), best.least)
+        assert best is not None
+        arguments: list[Expression] = [fact.arguments[0]]
+        tests = list[Condition]()
+        for place, kind in enumerate(self.writer.types.arguments(fact.name.text)):
+            each = fact.arguments[1 + place]
+            named = isinstance(each, Variable) and not each.anonymous
+            end = isinstance(each, Variable) and each.name in ends
+            fixed = end or isinstance(each, Literal)
+            new = named and not end and not {*names_in(each)} & {*names_in(arguments)}
+            if new or (fixed and place < best.argument):
+                arguments.append(each)
+            else:
+                variable = self.new(kind)
+                arguments.append(variable)
+                if named or not isinstance(each, Variable):
+                    tests.append(self.test("=", variable, each))
+        return replace(fact, arguments=tuple(arguments)), tests
 
     # ---- offered
 

@@ -116,13 +116,18 @@ class JointPlanner:
                 fact
                 for fact in groups[other]
                 if self._kind(fact) is Kind.PERSISTENT
-                and any(same_owner(argument, home) for argument in fact.arguments[1:])
+                and any(same_owner(argument, home) for argument in self._lasting(fact))
             ]
             if backwards:
                 candidate.inverted[other] = backwards[0]
             else:
                 candidate.missing.append(other)
         return candidate
+
+    def _lasting(self, fact: FactNode) -> Sequence[Expression]:
+        """Return the arguments of a persistent fact that no better one changes, the owner not among them."""
+        best = self._names.of(fact).best
+        return fact.arguments[1:] if best is None else fact.arguments[1 : 1 + best.argument]
 
     def _kind(self, fact: FactNode) -> Kind:
         # The open goals of a predicate come and go like sensed facts.
@@ -169,7 +174,7 @@ class JointPlanner:
             if self._kind(fact) is not Kind.PERSISTENT:
                 return f"`{fact.name.text}` is {self._kind(fact).name.lower()}"
         best = [fact for fact in facts if self._names.of(fact).best is not None]
-        if best and (len(facts) > 1 or not _is_plain(best[0])):
+        if best and len(facts) > 1:
             return f"only the best `{best[0].name.text}` is kept"
         return None
 
@@ -339,14 +344,6 @@ class JointPlanner:
                     yield who, f"the head begins at {called(chosen.home)}"
                 else:
                     yield who, f"{called(chosen.home)} comes first in the text"
-
-
-def _is_plain(fact: FactNode) -> bool:
-    """Whether all arguments are constants or different variables: a copy then tells the same facts apart."""
-    variables = [each for each in fact.arguments if not isinstance(each, Literal)]
-    if not all(isinstance(each, Variable) and not each.anonymous for each in variables):
-        return False
-    return len({each.name for each in variables if isinstance(each, Variable)}) == len(variables)
 
 
 def _plain(owner: Variable | Literal, anonymous: str = "R") -> str:

@@ -244,7 +244,7 @@ class Parameter:
     type: TypeName
     span: Span
     extreme: str = ""
-    """``min`` or ``max``: of facts that differ in this argument only the best is kept."""
+    """``min`` or ``max``: of facts that agree in all arguments before this one only the best is kept."""
 
 
 class Declared(Enum):
