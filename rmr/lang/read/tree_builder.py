@@ -145,6 +145,11 @@ class Builder:
         # By `min` or `max` of an argument the best fact is chosen.
         if extreme is None or extreme.text in ("min", "max"):
             return (syntax.Parameter(named, kind, span, "" if extreme is None else extreme.text),)
+        if extreme.text == "sum":  # as in Meld
+            hint = "declare what is added up, each fact with who brings it; a rule adds: `S = sum(X, p(R, _, X))`"
+            message = "no predicate adds up its facts; `min` and `max` keep the best one"
+            self._found.report("E001", message, self._token_span(extreme), hint=hint)
+            return (syntax.Parameter(named, kind, span, ""),)
         hint = "`,` stands between arguments, between conditions, and between what a head derives"
         at = Span(self._file, extreme.end, extreme.end)
         self._found.report("E001", f"a `,` is missing before `{kind.name}`", at, hint=hint)
