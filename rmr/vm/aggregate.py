@@ -42,11 +42,10 @@ def replaces(best: Best, args: tuple[Value, ...], kept: tuple[Value, ...]) -> bo
     Equal values are told apart by the arguments behind, in their order: what is kept of some facts is the same in
     whichever order they come, at every robot.
     """
-    value, other = args[best.argument], kept[best.argument]
-    if better(operator := Operator.MIN if best.least else Operator.MAX, value, other):
-        return True
-    if better(operator, other, value):
-        return False
+    value: Any = args[best.argument]
+    other: Any = kept[best.argument]
+    if value != other:  # of one type, which has an order (`rmr.bytecode.verify`)
+        return (value < other) is best.least
     behind, others = _place(args[best.argument + 1 :]), _place(kept[best.argument + 1 :])
     return behind < others if best.least else others < behind
 

@@ -30,7 +30,7 @@ from rmr.bytecode.program import ANY, Constant, Operator
 from rmr.bytecode.verify import verify
 from rmr.vm.engines import Engine
 
-SEED = 23
+SEED = 30
 CASES = 1250
 PARTS = 5
 OTHERS = [engine for engine in Engine if engine is not Engine.INTERPRETER]
