@@ -290,7 +290,8 @@ def _lines(explained: ExplainedLab) -> Iterator[str]:
 
 
 def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
-    ends = " to ".join(map(_at, passage.ends))
+    meets = len(passage.ends) > 2
+    ends = (", " if meets else " to ").join(map(_at, passage.ends))
     size = "not narrow" if passage.width_m is None else f"{passage.width_m:.2f} m wide, {passage.length_m:.2f} m long"
     yield f"  {sign}  {passage.name}  {ends}, {size}"
     if passage.key is None:
@@ -298,7 +299,8 @@ def _passage_lines(sign: str, passage: ExplainedPassage) -> Iterator[str]:
     else:
         yield f"     named      by the key {passage.key}: {', '.join(passage.areas)}"
     if passage.width_m is not None:
-        yield "     capacity   one robot abreast: one direction at a time, one robot behind the other"
+        together = "those that enter or leave by one end" if meets else "one direction at a time"
+        yield f"     capacity   one robot abreast: {together}, one robot behind the other"
     kinds = dict.fromkeys(drive.scheduled for drive in passage.drives)
     yield f"     scheduled  {' and '.join(_KINDS[kind] for kind in kinds) or 'no drive at the start needs it'}"
     if passage.drives:

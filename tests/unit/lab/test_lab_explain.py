@@ -49,6 +49,13 @@ def test_an_aisle_without_a_name_is_passed_by_whole_drives_in_both_directions():
     }  # fmt: skip
 
 
+def test_corridors_that_meet_are_listed_as_one_with_lines_to_paste():
+    text = check("--explain", EXAMPLES / "junction" / "lab.yaml").stdout
+    assert "a  junction_1  [2.00, 0.61], [1.09, 2.01], [2.91, 2.01], 0.28 m wide" in text
+    assert "one robot abreast: those that enter or leave by one end, one robot behind the other" in text
+    assert "junction_1: {mouths: [junction_1_a, junction_1_b, junction_1_c]}" in text
+
+
 def test_a_floor_without_narrow_places_and_an_assertion_that_is_only_watched():
     result = check("--explain", "formation")
     assert "none: two robots can pass each other everywhere" in result.stdout
