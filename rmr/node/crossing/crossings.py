@@ -497,7 +497,8 @@ class Crossings:
                 self._ask(now, crossing)
             if crossing.waits:
                 inside = self.inside(now, crossing)
-                self._making_room.step(now, crossing, inside, wanted)
+                schedule = self.schedules.get(crossing.group_id)
+                self._making_room.step(now, crossing, inside, schedule.order if schedule else (), wanted)
                 for running in crossing.serving if inside else ():
                     running.behind = tuple(dict.fromkeys([*running.behind, *inside]))
             wake = crossing.next_wake

@@ -44,11 +44,14 @@ class MakingRoom:
         self._seen: dict[int, tuple[Point, Instant]] = {}
         """Where each robot that drives is that has got nowhere since, and since when."""
 
-    def step(self, now: Instant, crossing: Crossing, inside: Sequence[int], station: Area | None) -> None:
+    def step(
+        self, now: Instant, crossing: Crossing, inside: Sequence[int], listed: Sequence[int], station: Area | None
+    ) -> None:
         """Drive out of the way of a robot that gets nowhere, if this one waits for `crossing`.
 
-        One that is `inside` may want to pass; any other one that drives may want to come here. Others need the place of
-        this robot in the `station`; None: it is in none, or nobody does.
+        One that is `inside` may want to pass; any other one that drives may want to come here. Before a gate those that
+        are `listed` for a turn there follow up in the queue, and do not count. Others need the place of this robot in
+        the `station`; None: it is in none, or nobody does.
         """
         robot = self._robot
         driver = robot.driver
@@ -69,7 +72,8 @@ class MakingRoom:
         reach = 2.0 * driver.arena.shape.radius + PATH_MARGIN_M
         for other, hello in robot.peers.claims(now):
             comes = hello.goal is not None and distance(*hello.goal, *here) < reach
-            if hello.goal is None or (other not in inside and (hello.parked or not comes)):
+            follows = waits and other in listed
+            if hello.goal is None or (other not in inside and (hello.parked or follows or not comes)):
                 self._seen.pop(other, None)
                 continue
             trip = Trip(Point(hello.x, hello.y), Point(*hello.goal))
