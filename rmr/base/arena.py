@@ -120,9 +120,13 @@ class FloorPassage:
     """Whether it was found on the floor; the lab names no passage."""
     mouths: tuple[Point, ...] = field(init=False, compare=False, repr=False)
     """The point of each entrance."""
+    ways: tuple[int, ...] = field(init=False, compare=False, repr=False)
+    """The directions from end to end (`rmr.base.direction`); none of one entrance."""
 
     def __post_init__(self) -> None:
+        count = len(self.entrances)
         object.__setattr__(self, "mouths", tuple(area.places[0] for area in self.entrances))
+        object.__setattr__(self, "ways", tuple(direction_of(*ends, count) for ends in permutations(range(count), 2)))
 
     @property
     def by_event(self) -> bool:
@@ -138,12 +142,6 @@ class FloorPassage:
     def one_way(self) -> bool:
         """Whether it has one entrance: no robot comes out of it there."""
         return len(self.entrances) == 1
-
-    @property
-    def ways(self) -> Iterator[int]:
-        """The directions from end to end (`rmr.base.direction`); none of one entrance."""
-        count = len(self.entrances)
-        return (direction_of(one, other, count) for one, other in permutations(range(count), 2))
 
     def entrance(self, way: int) -> Point:
         """Return where robots of direction `way` enter."""

@@ -332,14 +332,14 @@ def _paste(found: Sequence[ExplainedPassage]) -> Iterator[str]:
     yield "  Whoever drives through a passage that was found takes turns. In the lab file, to name or to change them"
     yield "  (`passages: {}` for none):"
     yield ""
+    names = {passage: [f"{passage.name}_{sign}" for sign in "abcd"[: len(passage.ends)]] for passage in found}
     yield "    areas:"
-    for passage in found:
-        for sign, end in zip("abcd", passage.ends, strict=False):
-            yield f"      {passage.name}_{sign}: {{at: {_at(end)}}}"
+    for passage, mouths in names.items():
+        for mouth, end in zip(mouths, passage.ends, strict=True):
+            yield f"      {mouth}: {{at: {_at(end)}}}"
     yield "    passages:"
-    for passage in found:
-        mouths = ", ".join(f"{passage.name}_{sign}" for sign, _ in zip("abcd", passage.ends, strict=False))
-        yield f"      {passage.name}: {{mouths: [{mouths}]}}"
+    for passage, mouths in names.items():
+        yield f"      {passage.name}: {{mouths: [{', '.join(mouths)}]}}"
 
 
 _KINDS = {

@@ -39,7 +39,7 @@ def located(route: Route, pose: Pose) -> tuple[float, float]:
 def entry_routes(arena: Arena, passage: FloorPassage | None, goal: Point) -> tuple[EntryRoute, ...]:
     """Return the routes to `goal` from the entrances of `passage` behind which it lies.
 
-    None where no narrow section of it is on the route.
+    Empty where no narrow section of it is on the route.
     """
     return () if passage is None else _entry_routes(arena, passage.name, goal)
 

@@ -56,20 +56,26 @@ def test_the_same_input_gives_the_kept_octets(tmp_path, engine):
     assert sorted(name for name in found if name.startswith("lab/")) == ["lab/lab.yaml", "lab/program.rbc"]
 
 
-def test_the_lab_has_its_map_with_the_image_and_the_programs_of_its_loads(tmp_path):
-    folder = tmp_path / "own"
-    (folder / "floor").mkdir(parents=True)
-    for name in ("work.rmr", "next.rmr"):
-        (folder / name).write_text("done(R).\n")
-    (folder / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
-    Image.new("L", (20, 20), 255).save(folder / "floor" / "floor.png")
-    (folder / "lab.yaml").write_text(
-        "{lab: own, program: work.rmr, duration: 2s, arena: {size: [1, 1]}, map: floor/map.yaml,"
-        " robots: [{id: 1, pose: [0.5, 0.5, 0deg]}], loads: [{at: 1s, program: next.rmr}]}"
+def exported_with_map(tmp_path, engine, name, more=""):
+    """Export a lab of one robot whose floor is an image; return the folder."""
+    lab = tmp_path / "own"
+    (lab / "floor").mkdir(parents=True)
+    for program in ("work.rmr", "next.rmr"):
+        (lab / program).write_text("done(R).\n")
+    (lab / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
+    Image.new("L", (20, 20), 255).save(lab / "floor" / "floor.png")
+    (lab / "lab.yaml").write_text(
+        f"{{lab: {name}, program: work.rmr, duration: 2s, arena: {{size: [1, 1]}}, map: floor/map.yaml,"
+        f" robots: [{{id: 1, pose: [0.5, 0.5, 0deg]}}]{more}}}"
     )
     hosts = "hosts:\n  a: {world: true, robots: 1}\n"
-    assert export(tmp_path, "systemd", "--open", hosts=hosts, lab=str(folder)).exit_code == 0
-    assert sorted(name for name in files(tmp_path / "out") if name.startswith("lab/")) == [
+    assert export(tmp_path, engine, "--open", hosts=hosts, lab=str(lab)).exit_code == 0
+    return tmp_path / "out"
+
+
+def test_the_lab_has_its_map_with_the_image_and_the_programs_of_its_loads(tmp_path):
+    out = exported_with_map(tmp_path, "systemd", "own", ", loads: [{at: 1s, program: next.rmr}]")
+    assert sorted(name for name in files(out) if name.startswith("lab/")) == [
         "lab/floor/floor.png",
         "lab/floor/map.yaml",
         "lab/lab.yaml",
@@ -194,18 +200,7 @@ def kustomization(folder):
 
 
 def test_the_files_of_the_lab_reach_a_pod_by_their_paths(tmp_path):
-    lab = tmp_path / "own"
-    (lab / "floor").mkdir(parents=True)
-    (lab / "work.rmr").write_text("done(R).\n")
-    (lab / "floor" / "map.yaml").write_text("{image: floor.png, resolution: 0.05}")
-    Image.new("L", (20, 20), 255).save(lab / "floor" / "floor.png")
-    (lab / "lab.yaml").write_text(
-        "{lab: my_own, program: work.rmr, arena: {size: [1, 1]}, map: floor/map.yaml,"
-        " robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]}"
-    )
-    hosts = "hosts:\n  a: {world: true, robots: 1}\n"
-    assert export(tmp_path, "k8s", "--open", hosts=hosts, lab=str(lab)).exit_code == 0
-    out = tmp_path / "out"
+    out = exported_with_map(tmp_path, "k8s", "my_own")
     made = kustomization(out)
     assert "secretGenerator" not in made
     (given,) = made["configMapGenerator"]

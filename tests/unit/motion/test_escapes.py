@@ -5,6 +5,7 @@ from dataclasses import replace
 import bench
 import pytest
 
+from rmr.base.direction import direction_of
 from rmr.base.geometry import Point
 from rmr.base.time import seconds
 from rmr.node.motion.gate import EntryGate
@@ -91,6 +92,12 @@ def test_head_to_head_in_a_bottleneck_one_direction_gives_way_ever_farther_and_t
     assert ways == sorted(ways)
     assert ways[0] < ways[3] < ways[-1] == ways[-2]
     assert {chosen(replace(within(0), tries=tries))[1].reverse for tries in range(1, 9)} == {0}
+
+
+def test_head_to_head_where_corridors_meet_no_two_of_different_entrances_go_back_equally_far() -> None:
+    for end in range(4):
+        ways = [direction_of(entrance, end, 4) for entrance in range(4) if entrance != end]
+        assert len({chosen(within(way))[1].reverse for way in ways}) == len(ways)
 
 
 def test_every_rule_and_every_escape_has_a_name_of_its_own() -> None:

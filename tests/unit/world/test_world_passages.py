@@ -80,18 +80,12 @@ def test_a_narrow_passage_without_a_name_beside_those_with_names_is_warned_of(tm
     assert "is not exclusive: drives go through it without turns; name its ends under passages" in found
 
 
-JUNCTION = """
-lab: junction
-program: junction.rmr
+ACROSS = """
+lab: across
+program: across.rmr
 duration: 60s
 finish: there(R)
 arena: {size: [4.0, 3.0], cell: 0.05}
-obstacles:
-  - {box: [1.2, 0.7, 1.85, 1.85]}
-  - {box: [2.15, 0.7, 2.8, 1.85]}
-  - {box: [1.2, 2.15, 2.8, 3.0]}
-  - {box: [1.15, 0.0, 1.2, 1.85]}
-  - {box: [2.8, 0.0, 2.85, 1.85]}
 areas:
   west: {at: [0.2, 0.3]}
   east: {at: [3.8, 0.3]}
@@ -102,7 +96,9 @@ facts:
   - goes(@1, east)
   - goes(@2, west)
 localisation: {beacons: [[0, 0], [4, 0]]}
+obstacles:
 """
+"""Two robots that change sides, and what lies between them."""
 GOES = """
 type action moveto(R: robot, A: area) -o there(R).
 type !goes(robot, area).
@@ -115,9 +111,8 @@ start(R), goes(R, A) -o moveto(R, A).
 def test_doors_that_face_each_other_without_room_to_wait_are_warned_of(tmp_path, x, named, warnings):
     walls = [(left, low, left + 0.3, high) for left in (1.3, x) for low, high in ((0.0, 0.55), (0.85, 3.0))]
     boxes = "".join(f"  - {{box: {list(wall)}}}\n" for wall in walls)
-    head, rest = JUNCTION.split("obstacles:\n")
-    (tmp_path / "lab.yaml").write_text(f"{head}obstacles:\n{boxes}{rest[rest.index('areas:') :]}{named}")
-    (tmp_path / "junction.rmr").write_text(GOES)
+    (tmp_path / "lab.yaml").write_text(f"{ACROSS}{boxes}{named}")
+    (tmp_path / "across.rmr").write_text(GOES)
     loaded = load_lab(tmp_path)
     found = str(validated(loaded, load_lab_program(loaded)).warnings)
     assert found.count("has no turns, so robots meet in it: it ends 0.") == warnings
@@ -134,10 +129,9 @@ at(R, _), tour(R, []) -o there(R).
 
 
 def test_a_first_drive_that_has_no_way_is_warned_of(tmp_path):
-    wall = "obstacles:\n  - {box: [1.9, 0.0, 2.1, 3.0]}\n"
-    lab = JUNCTION.replace("goes(@1, east)", "tour(@1, [east])").replace("goes(@2, west)", "tour(@2, [west])")
-    (tmp_path / "lab.yaml").write_text(lab.replace("obstacles:\n", wall))
-    (tmp_path / "junction.rmr").write_text(TOUR)
+    lab = ACROSS.replace("goes(@1, east)", "tour(@1, [east])").replace("goes(@2, west)", "tour(@2, [west])")
+    (tmp_path / "lab.yaml").write_text(lab + "  - {box: [1.9, 0.0, 2.1, 3.0]}\n")
+    (tmp_path / "across.rmr").write_text(TOUR)
     loaded = load_lab(tmp_path)
     found = str(validated(loaded, load_lab_program(loaded)).warnings)
     assert (

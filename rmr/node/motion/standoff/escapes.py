@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Final
 
 from rmr.base.arena import Arena
+from rmr.base.direction import ends_of
 from rmr.base.geometry import Point
 from rmr.base.motion_scale import scale_of
 from rmr.base.streams import uniform
@@ -170,18 +171,18 @@ class Detour(Escape):
 class GiveWay(Escape):
     """Drives back out of a bottleneck in which robots meet head-on.
 
-    If both went back, both would come back. So all that entered by the second entrance give way, ever farther, until
-    they are out; the others stay and follow up.
+    If both went back, both would come back. So all but those that entered by the first entrance give way, ever farther,
+    until they are out; the others stay and follow up. Where corridors meet, those of a later entrance go back longer.
     """
 
     def applies(self, impasse: Impasse) -> bool:
-        """Return whether the robot is in a bottleneck that is entered from both sides."""
+        """Return whether the robot is in a bottleneck that is entered from several sides."""
         return impasse.symptom is DeadlockCause.DEADLOCK and impasse.gate.met_by(impasse.route) is not None
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a reverse manoeuvre, none by the first entrance."""
-        times = 2.0 * min(impasse.tries, GIVE_WAY_TRIES_MAX) if impasse.gate.met_by(impasse.route) else 0.0
-        return Manoeuvre(reverse=_reverse(impasse.arena, times))
+        entrance, _ = ends_of(impasse.gate.met_by(impasse.route) or 0)
+        return Manoeuvre(reverse=_reverse(impasse.arena, 2.0 * entrance * min(impasse.tries, GIVE_WAY_TRIES_MAX)))
 
 
 class Reverse(Escape):
@@ -233,8 +234,9 @@ ESCAPES: Final[tuple[Escape, ...]] = (
     ),
     GiveWay(
         "give_way",
-        "deadlock, head-on in a bottleneck that is entered from both sides",
-        "robots that entered by the second entrance reverse, for 0.8 s to 4 s, farther each time; the others stay",
+        "deadlock, head-on in a bottleneck that is entered from several sides",
+        "robots that entered by the second entrance reverse, for 0.8 s to 4 s, farther each time; by the third or "
+        "fourth twice or three times as long; those of the first stay",
     ),
     Reverse(
         "reverse",
