@@ -122,6 +122,10 @@ class Driver:
         """Return how fast the wheels drive, m/s: a fast robot drives on for a while when it is to stand still."""
         return self.speed if self.speed < 0.0 else max(self.speed, self.navigator.control.wheels.speed(now))
 
+    def _drives(self, now: Instant) -> bool:
+        """Return whether the wheels turn, also those of a robot that was commanded to stand and brakes."""
+        return self.moving or self.driven(now) > 0.0
+
     @property
     def percept(self) -> Percept:
         """What the robot senses now."""
@@ -160,7 +164,7 @@ class Driver:
             navigator.control.sigma_m = self.localiser.sigma_m
             twist = navigator.step(now, pose, self._bodies, self._bumped)
             unwatched = now - max(self._sensed_at, self._set_out_at)
-            if self.moving and unwatched > self._scale.unwatched and not self._switches.off("unwatched"):
+            if unwatched > self._scale.unwatched and self._drives(now) and not self._switches.off("unwatched"):
                 twist = watched(twist, unwatched, self._scale.unwatched)
                 self.held_by = "unwatched"
                 self._switches.count("unwatched")
@@ -224,7 +228,7 @@ class Driver:
             navigator.go(now, pose, home, parked=peers.parked(now))
 
     def _act(self, now: Instant, twist: Twist) -> None:
-        if not self.moving:
+        if not self._drives(now):
             self._set_out_at = now
         self._twist = twist
         self._acted_at = now

@@ -49,7 +49,7 @@ def test_experiment_runs_with_its_first_seed_and_fills_its_tables(name, tmp_path
 
 @pytest.mark.medium
 def test_both_labs_finish_without_contact_within_their_bounds():
-    data = seeds.run(range(1, 2), 1)
+    data = seeds.run(range(1, 4), 1)
     assert [each["what"] for each in data["targets"] if not each["met"]] == []
     assert len(drawable(data).panels[0].series) == 2
     assert marks(seeds, data) == []

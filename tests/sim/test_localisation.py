@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from drawn_beacons import drawn
 
+from rmr.base.geometry import STILL
 from rmr.base.time import seconds
 from rmr_sim.run_setup import Options, load, report_of
 from rmr_world.finding import LabError
@@ -99,7 +100,7 @@ def test_a_robot_with_a_mirrored_estimate_stands_locates_itself_and_drives_on(tm
         if now == seconds(2):
             ekf.x, ekf.y = ekf.y, ekf.x  # the image across the first two beacons' line
         if ekf is None and now > seconds(2):
-            stood.append((driver.moving, simulation.robots[0].still))
+            stood.append((driver.moving, simulation.world._robots[1].target == STILL))
 
     simulation.observers.append(look)
     assert simulation.run()
@@ -109,6 +110,27 @@ def test_a_robot_with_a_mirrored_estimate_stands_locates_itself_and_drives_on(tm
     assert all(still for _, still in stood)
     assert simulation.world.collisions == 0
     assert simulation.time_s < 8.0
+
+
+def test_a_fast_robot_that_is_commanded_to_stand_has_a_sample_of_each_tick_until_it_does(tmp_path):
+    setup = loaded(tmp_path, CORNERS)
+    lab = tmp_path / "lab.yaml"
+    lab.write_text(lab.read_text() + "robot: {radius: 0.08, speed: 1.5}\n")
+    simulation = load(lab, setup.options).simulation(1)
+    driver = simulation.robots[0].node.driver
+    ages = []
+
+    def look(now):
+        if not ages and simulation.world.distance_m(1) > 0.4:
+            driver.localiser._search()
+            simulation.silence(1, now + seconds(2))
+        if driver.localiser.pose is None and 1 in simulation.world.awake:
+            ages.append(now - driver._sensed_at)
+
+    simulation.observers.append(look)
+    assert simulation.run()
+    assert len(ages) > 20, "it braked for a third of a second"
+    assert set(ages) == {0}
 
 
 def test_a_drive_fails_when_the_robot_does_not_find_itself_again(tmp_path):

@@ -67,7 +67,7 @@ def test_stalled_robot_is_named_by_those_that_stand_for_it(run):
         (["crossing"], "'crossing' names no job: write the assertion and the robot, such as crossing@3"),
         (["crosing@1"], "no job of this run is called crosing; there are crossing"),
         (["crossing@9"], "robot 9 has no log in this recording; robots 1-3 have"),
-        (["crossing@1", "--at", "99s"], "crossing@1 did not run at 99.000 s, but from 0.000 to 11.967 s"),
+        (["crossing@1", "--at", "99s"], "crossing@1 did not run at 99.000 s, but from 0.000 to 12.050 s"),
         (["--timeline"], "--timeline is for one job: write the assertion and the robot, such as crossing@3"),
         (["--at", "3s"], "--at is for one job: write the assertion and the robot, such as crossing@3"),
         (["crossing@1", "--not"], "--missed explains the time of deadlines: --not does not go with it"),

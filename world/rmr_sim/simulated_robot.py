@@ -106,7 +106,6 @@ class SimulatedRobot:
         self._stalled_until: Instant = 0
         self._slow_until: Instant = 0
         self._every: Duration = 0
-        self.still = True
         self.node = make_node(self._ports, 0, None)
         self.node_alarm = Alarm(host.kernel, ROBOT, self.tick)
         self._slow_alarm = Alarm(host.kernel, ROBOT, self._slow_tick)
@@ -149,7 +148,6 @@ class SimulatedRobot:
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels."""
-        self.still = twist.v == 0.0 and twist.w == 0.0
         self._host.world.act(self.robot, twist, stamp, self._host.kernel.now)
 
     # -- the host's part --------------------------------------------------------------------------------------
@@ -256,7 +254,7 @@ class SimulatedRobot:
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self._samples_dropped = self._frames_dropped = 0
-        self.alive = self.still = True
+        self.alive = True
         self.node = self._make_node(self._ports, epoch, self._killed_at)
         if self.programs is None:
             self.node.start(now)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from rmr_sim.disk import Disk
 
 IDLE_SAMPLE_TICKS: Final = 6
-"""A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
+"""A robot whose body stands is sampled every sixth tick (10 Hz, the beacons' rate)."""
 
 EVENTS_MAX: Final = 200_000
 """Bound of the events in one tick, twice the bound of a file: stops events that schedule others without end."""
@@ -339,12 +339,13 @@ class Simulation(RobotHost):
 
     def _tick(self, now: Instant, index: int) -> None:
         self.world.step(now)
+        moves = self.world.awake
         for robot in self._waiting:
-            if robot.bodily and (not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
+            if robot.bodily and (robot.robot in moves or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
         frame_end = self.frame_end
         for robot in self._served if self._bodily else self._called(frame_end):
-            if robot.bodily and not (robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS):
+            if robot.bodily and (robot.robot in moves or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
                 robot.tick(now)
             elif (wake := robot.node.next_wake) < frame_end:

@@ -73,7 +73,7 @@ class World:
         self.bodies = list(self._robots.values())
         """All robots by id, for others to look at."""
         self._by_x = self.bodies.copy()
-        self._awake: dict[int, RobotBody] = {}
+        self.awake: dict[int, RobotBody] = {}
         """By id, the robots that have been commanded or pushed and are not at rest again."""
         self._active: list[RobotBody] = []
         """The robots whose bodies may move in this tick."""
@@ -150,7 +150,7 @@ class World:
         state.target = twist
         state.stamp = stamp
         state.decided = min(stamp, now)
-        self._awake[robot] = state
+        self.awake[robot] = state
 
     def carry(self, robot: int, pose: Pose, twist: Twist, distance_m: float) -> None:
         """Put a body that is not simulated where it is now, after a path of `distance_m`; others may touch it."""
@@ -179,13 +179,13 @@ class World:
         """Advance by one tick, which begins at `now`."""
         active = self._active
         active.clear()
-        for robot in list(self._awake.values()):
+        for robot in list(self.awake.values()):
             robot.steered = self._steer(robot, now)
             robot.active = robot.steered or robot.contacts > 0
             if robot.active:
                 active.append(robot)
             else:
-                del self._awake[robot.id]
+                del self.awake[robot.id]
         if not active:
             if self._carried:
                 self._pairs()
@@ -273,7 +273,7 @@ class World:
             if not robot.active:  # it was at rest, and is pushed
                 robot.active = True
                 self._active.append(robot)
-                self._awake[robot.id] = robot
+                self.awake[robot.id] = robot
         self.touching += 1
         self.collisions += 1
         if len(self.contacts) < CONTACTS_MAX:

@@ -215,7 +215,7 @@ def test_what_the_host_did_not_deliver_is_told_by_the_replay():
 @pytest.mark.medium
 def test_a_stalled_robot_loses_samples_and_frames_and_its_replay_says_so():
     def stall(simulation):
-        simulation.kernel.at(seconds(2), 0, lambda _: simulation.stall(3, seconds(9)))
+        simulation.kernel.at(seconds(2), 0, lambda _: simulation.stall(3, seconds(30)))
 
     run = MindRun(LABS / "corridor", 7, stall)
     replays = {key: run.replay(*key) for key in run.logs}

@@ -37,8 +37,10 @@ def hall() -> Lab:
 class Slow:
     """A robot that drives straight on by hand, in virtual time; its samples take a while to come."""
 
-    def __init__(self, ahead: Pose | None = None) -> None:
+    def __init__(self, ahead: Pose | None = None, full: float = FULL) -> None:
         lab = hall()
+        lab = replace(lab, arena=replace(lab.arena, shape=RobotShape(speed=full)))
+        self.full = full
         poses = [HERE] if ahead is None else [HERE, ahead]
         robots = [replace(robot, pose=pose) for robot, pose in zip(lab.robots, poses, strict=False)]
         self.world = World(replace(lab, robots=tuple(robots)), 7)
@@ -69,7 +71,7 @@ class Slow:
             self.world.step(self.now)
             self.under_way.append(self.world.sense(self.robot, self.now))
             if self.driver.localiser.pose is not None and self.driver.navigator.status == "idle":
-                self.driver.navigator.drive(FULL, 0.0)
+                self.driver.navigator.drive(self.full, 0.0)
             self.driver.step(self.now, lambda: 0, Peers())
         return self.driver.speed
 
@@ -94,6 +96,16 @@ def test_it_brakes_within_a_fifth_of_a_second_when_no_sample_comes_any_more():
     unwatched_s = (STALE + milliseconds(100)) / 1e9
     assert robot.world.distance_m(robot.robot) - went < FULL * unwatched_s + 0.025
     assert robot.driver.speed == 0.0
+
+
+def test_one_that_brakes_from_a_high_speed_and_drives_on_has_been_unwatched_meanwhile():
+    robot = Slow(full=1.5)
+    assert robot.run(60) == 1.5
+    robot.driver.navigator.drive(0.0, 0.0)
+    assert robot.run(3, NOT_AT_ALL) == 0.0
+    robot.driver.navigator.stop()
+    unwatched = scale_of(RobotShape(speed=1.5)).unwatched
+    assert 0.0 < robot.run(1, NOT_AT_ALL) <= 1.5 * unwatched / tick_start(4)
 
 
 @pytest.mark.parametrize("stops_at", range(60, 150, 9))
