@@ -49,6 +49,9 @@ class DrivingHost(Protocol):
     def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
         """Set out for `goal`; by a gated crossing through its hold line. The others hear of it."""
 
+    def goes_on(self) -> bool:
+        """Set out for the place that the robot has taken since it drove to the one where it is; False: it took none."""
+
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Record an entry of the trace."""
 

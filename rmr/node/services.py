@@ -214,6 +214,10 @@ class RobotServices:
         self.crossings.depart(self.now, goal, final_heading, permit)
         self.announce(self.now)
 
+    def goes_on(self) -> bool:
+        """Set out for the place that the robot has taken since it drove to the one where it is; False: it took none."""
+        return self.crossings.destinations.goes_on()
+
     @property
     def driving(self) -> RunningAction | None:
         """The action that has the wheels."""

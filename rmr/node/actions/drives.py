@@ -64,7 +64,7 @@ class Drive(LocatedSteps):
     def go_on(self) -> Pause | None:
         """Look how the drive goes. Raises ActionFailed."""
         node = self._robot.node
-        if node.motion.status == "arrived" or self.is_idle():
+        if self.is_idle() or (node.motion.status == "arrived" and not node.goes_on()):
             return None
         self._barred.look(node.motion.goal or self._goal, before_turn=self._robot.waits_for_turn)
         return self._looks

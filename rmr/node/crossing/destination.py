@@ -84,6 +84,14 @@ class Destinations:
         elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, self._replans_from(course)):
             self._robot.depart(course.destination, final_heading=None, permit=crossing)
 
+    def goes_on(self) -> bool:
+        """Set out from a place that was given up on the way there, for the one taken instead; False: it was not."""
+        crossing = None if self._robot.driving is None else self._robot.driving.permit
+        if not isinstance(crossing, Crossing) or crossing.course.destination is None:
+            return False
+        self._robot.depart(crossing.course.destination, final_heading=None, permit=crossing)
+        return True
+
     def _replans_from(self, course: Course) -> Instant:
         """Return when the robot may plan: at any time where the route that it has leads to no entrance."""
         driver = self._robot.driver
