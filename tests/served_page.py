@@ -56,6 +56,10 @@ class FilledSource:
         self.asked.append((robot, "missed"))
         return {"delays": [], "problems": []}
 
+    async def step(self, robot, at, commands):
+        self.asked.append((robot, at, commands))
+        return {"robot": robot, "at": at}
+
     async def why(self, robot, fact, t, options):
         if fact == "nix(@1)":
             raise RequestRefusedError("the program knows no fact `nix`")

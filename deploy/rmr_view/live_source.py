@@ -263,6 +263,10 @@ class LiveSource:
         """Return what the time of missed deadlines went into, from the recording so far."""
         return await self._minds.missed(robot)
 
+    async def step(self, robot: int, at: int, commands: str) -> dict[str, Any]:
+        """Return where commands lead among the stops of a robot."""
+        return await self._minds.step(robot, at, commands)
+
     # --- orders ---
 
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,10 @@ class MindWorker:
         """Return what the time of each deadline that `robot` missed went into. Raises RequestRefusedError."""
         return await self._run(_missed, robot)
 
+    async def step(self, robot: int, at: int, commands: str) -> dict[str, Any]:
+        """Carry out commands of `rmr replay --step`, one a line, from stop `at`. Raises RequestRefusedError."""
+        return await self._run(_step, robot, at, commands)
+
     async def _run(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin)
@@ -144,6 +148,46 @@ def _missed(path: Path, robot: int) -> dict[str, Any]:
         return {"refused": str(error), "status": 501}
     delays = [delay_data(delay) for delay in missed_delays(run) if delay.robot == robot]
     return {"delays": delays, "problems": list(run.problems)}
+
+
+_stepped: dict[tuple[Path, int], tuple[int, Any]] = {}
+"""How far each robot was known when its stops were made, and the stops, by path and robot."""
+
+
+def _step(path: Path, robot: int, at: int, commands: str) -> dict[str, Any]:
+    from rmr.mind.mind_reader import MindLogError  # noqa: PLC0415 - the server does not need them
+    from rmr.mind.recorded_minds import minds, program_of  # noqa: PLC0415
+    from rmr.record.mcap_scan import RecordingError  # noqa: PLC0415
+    from rmr.why.replayed_histories import UnexplainableError  # noqa: PLC0415
+    from rmr.why.step_session import NowhereError, StepError, StepSession  # noqa: PLC0415
+    from rmr.why.stops import Stops  # noqa: PLC0415
+
+    try:
+        recording, histories, _ = _pasts.get(path) or _opened(path)
+        until, stops = _stepped.get((path, robot), (-1, None))
+        if until != recording.span[1]:
+            stops = Stops(robot)
+            for mind in minds(recording):
+                if mind.robot == robot:
+                    for _ in stops.replay(mind, program_of(recording)):
+                        pass
+            _stepped[path, robot] = recording.span[1], stops
+    except (RecordingError, MindLogError, UnexplainableError) as error:
+        return {"refused": str(error), "status": 501}
+    problems = [*stops.problems, *histories.problems]
+    if not stops.all:
+        return {"refused": "; ".join(problems) or f"what robot {robot} did was not recorded", "status": 501}
+    session = StepSession(stops, histories)
+    session.at = min(at, len(stops.all) - 1)
+    nowhere = None
+    try:
+        for line in commands.splitlines():
+            list(session.perform(line))
+    except NowhereError as error:
+        nowhere = str(error)
+    except StepError as error:
+        return {"refused": str(error), "status": 400}
+    return session.as_data() | {"nowhere": nowhere, "problems": problems}
 
 
 def _opened(path: Path) -> tuple[Any, Any, Any]:

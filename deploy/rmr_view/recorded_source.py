@@ -144,6 +144,10 @@ class RecordedSource:
         """Return what the time of missed deadlines went into."""
         return await self._minds.missed(robot)
 
+    async def step(self, robot: int, at: int, commands: str) -> dict[str, Any]:
+        """Return where commands lead among the stops of a robot."""
+        return await self._minds.step(robot, at, commands)
+
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Refuse: the run is over."""
         raise RequestRefusedError(f"{order['do']}: this is a recording of a run that is over", 409)

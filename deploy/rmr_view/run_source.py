@@ -94,6 +94,9 @@ class RunSource(Protocol):
     async def missed(self, robot: int) -> dict[str, Any]:
         """Return what the time of each deadline that `robot` missed went into. Raises RequestRefusedError."""
 
+    async def step(self, robot: int, at: int, commands: str) -> dict[str, Any]:
+        """Carry out commands of `rmr replay --step`, one a line, from stop `at`. Raises RequestRefusedError."""
+
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Carry out a checked order of `rmr_view.control_order`. Raises RequestRefusedError."""
 

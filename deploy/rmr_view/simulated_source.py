@@ -235,6 +235,13 @@ class SimulatedSource:
         await self._flush()
         return await self._minds.missed(robot)
 
+    async def step(self, robot: int, at: int, commands: str) -> dict[str, Any]:
+        """Return where commands lead among the stops of a robot."""
+        if self._minds is None:
+            raise RequestRefusedError("stepping needs the recording: start the run without --no-record", 501)
+        await self._flush()
+        return await self._minds.step(robot, at, commands)
+
     async def control(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Steer time at once; add a fault between two ticks."""
         pacer = self._pacer

@@ -3,7 +3,7 @@
     GET  /  /static/...                          the page: files of the folder `page`
     GET  /api/run  /api/poses  /api/timeline     what there is to see
     GET  /api/trace /frames /log /routes         entries
-    GET  /api/robot/ID  /api/why  /api/missed    one robot's mind
+    GET  /api/robot/ID  /why  /missed  /step     one robot's mind
     WS   /ws                                     what is new, as it comes
     POST /api/control                            orders
 
@@ -132,6 +132,7 @@ class RunRoutes:
             Route("/api/robot/{robot}", told(self._robot)),
             Route("/api/why", told(self._why)),
             Route("/api/missed", told(self._missed)),
+            Route("/api/step", told(self._step)),
             Route("/api/control", told(self._control), methods=["POST"]),
             WebSocketRoute("/ws", self._follow),
             Mount("/static", StaticFiles(directory=PAGE)),
@@ -182,6 +183,16 @@ class RunRoutes:
     async def _missed(self, request: Request) -> Response:
         reject_unknown(request, ("robot",))
         return answer(await self._source.missed(self._known_robot(request.query_params.get("robot", ""))))
+
+    async def _step(self, request: Request) -> Response:
+        reject_unknown(request, ("robot", "at", "do"))
+        at, commands = request.query_params.get("at", "-1"), request.query_params.get("do", "")
+        if not re.fullmatch("-1|[0-9]{1,9}", at):
+            raise RequestRefusedError("at: write the number of a stop, or -1 for before the first one")
+        if len(commands) > FACT_MAX * 10:
+            raise RequestRefusedError(f"do: write commands of {FACT_MAX * 10} characters at most")
+        robot = self._known_robot(request.query_params.get("robot", ""))
+        return answer(await self._source.step(robot, int(at), commands))
 
     def _known_robot(self, text: str) -> int:
         robot = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else None

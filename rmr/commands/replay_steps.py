@@ -16,8 +16,7 @@ from rmr.entry.command_line import CommandLineError
 if TYPE_CHECKING:
     from rmr.mind.recorded_minds import RecordedMind
     from rmr.record.recording import Recording
-    from rmr.why.replayed_histories import ReplayedHistories
-    from rmr.why.step_session import Explain, StepSession
+    from rmr.why.step_session import StepSession
 
 LINE_MAX = 10_000
 """Characters of a command at most."""
@@ -102,7 +101,7 @@ def _session(
     if not stops.all:
         print(f"rmr replay: {arguments.run}: nothing of robot {robot} can be stepped through", file=sys.stderr)
         return None
-    return StepSession(stops, list(histories.robots), histories.variables, _explainer(histories), arguments.begin)
+    return StepSession(stops, histories, arguments.begin)
 
 
 def _robot(arguments: argparse.Namespace, recording: "Recording", found: "list[RecordedMind]") -> int:
@@ -124,24 +123,6 @@ def _robot(arguments: argparse.Namespace, recording: "Recording", found: "list[R
     if robot in roster:
         raise MindLogError(f"it holds no mind of robot {robot}, but of {spelled(present)}")
     raise CommandLineError(f"the run has no robot {robot}; its robots are {spelled(roster)}")
-
-
-def _explainer(histories: "ReplayedHistories") -> "Explain":
-    """Return what answers the command ``why``: by the histories of all robots that the answer needs."""
-    from rmr.why.past import Past
-    from rmr.why.question import question
-    from rmr.why.why_answer import why
-    from rmr.why.why_text import why_text
-
-    past = Past(histories, histories.variables)
-
-    def explain(text: str, at: int) -> Iterator[str]:
-        asked = question(text, past.program, list(past.robots))
-        told = len(histories.problems)
-        yield from why_text(why(past, asked, at)).splitlines()
-        yield from histories.problems[told:]
-
-    return explain
 
 
 # -- the conversation

@@ -5,25 +5,24 @@ lines and gives lines. Going back is going to an earlier stop, so a stop has one
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rmr.base.printable import counted
 from rmr.base.time import Instant, in_seconds, seconds
 from rmr.bytecode.program import Program
 from rmr.vm.provenance import ActionRecord, GoalRecord, InsertionRecord
-from rmr.why.mind_index import MindIndex
-from rmr.why.past import Variables
+from rmr.why.past import Past
 from rmr.why.past_items import PastGoal
 from rmr.why.question import Question, WhyError, question
+from rmr.why.replayed_histories import ReplayedHistories
 from rmr.why.rule_words import rule_name, rule_place_of, seconds_text
 from rmr.why.stop_text import agenda_lines, fact_texts, goal_texts, passed_lines, stop_lines
 from rmr.why.stops import PastStop, StopKind, Stops, is_hidden, is_sensed, known_text
-from rmr.why.why_answer import goal_agrees
-
-Explain = Callable[[str, Instant], Iterator[str]]
-"""Yields the lines that explain a fact, given as text, as of an instant. Raises WhyError."""
+from rmr.why.why_answer import goal_agrees, why
+from rmr.why.why_text import why_text
 
 LISTED_MAX: Final = 12
 """Rules that a message names."""
@@ -75,14 +74,10 @@ _BACK: Final = ("next", "input", "step", "until", "continue")
 class StepSession:
     """One session."""
 
-    def __init__(
-        self, stops: Stops, robots: list[int], variables: Variables, explain: Explain, begin: Instant | None = None
-    ) -> None:
-        """`stops` has at least one; `variables` are those of the first program's rules; `begin`: where to begin."""
+    def __init__(self, stops: Stops, histories: ReplayedHistories, begin: Instant | None = None) -> None:
+        """`stops` has at least one; `histories` are of the same recording; `begin`: where to begin."""
         self._stops = stops
-        self._robots = robots
-        self._variables = variables
-        self._explain = explain
+        self._histories = histories
         self._breakpoints: dict[str, None] = {}
         self.at = -1 if begin is None else stops.last_at(begin - 1)
         """Index of the present stop; -1: before the first one."""
@@ -129,7 +124,7 @@ class StepSession:
         yield from self._shown()
 
     def _shown(self) -> Iterator[str]:
-        yield from stop_lines(self._stops, self.at, self._variables)
+        yield from stop_lines(self._stops, self.at, self._histories.variables)
 
     def _asked(self, name: str, rest: str) -> Iterator[str]:
         """Carry out a command that goes nowhere."""
@@ -161,6 +156,27 @@ class StepSession:
             case _:
                 self.over = True
 
+    def as_data(self) -> dict[str, Any]:
+        """Return what `show`, `facts`, `goals`, `agenda` and `passed` tell at the present stop, and the rules."""
+        stops = self._stops.all
+        stop = stops[self.at] if self.at >= 0 else None
+        by_rules, sensed = fact_texts(self._stops, self.at)
+        fires = Counter(self._place_of(each) for each in stops if each.firing is not None)
+        return {
+            "robot": self._stops.robot,
+            "at": self.at,
+            "stops": len(stops),
+            "t": 0.0 if stop is None else in_seconds(stop.at),
+            "about": " ".join(self.about()),
+            "stop": list(self._shown()),
+            "facts": by_rules,
+            "sensed": sensed,
+            "goals": goal_texts(self._stops, self.at),
+            "agenda": list(agenda_lines(self._stops, self.at)),
+            "passed": None if stop is None or stop.firing is None else list(passed_lines(self._stops, self.at)),
+            "rules": [{"rule": place, "fires": fires[place]} for place in self._places()],
+        }
+
     # -- going --------------------------------------------------------------------------------------------------------
 
     def _go(self, name: str, rest: str, *, forwards: bool) -> None:
@@ -174,7 +190,9 @@ class StepSession:
         elif not self._breakpoints:
             raise StepError("no breakpoint is set: set one with 'break FILE:LINE', or go to the 'end'")
         else:
-            self._go_on(1, "firing of a rule with a breakpoint", self._breaks, forwards=forwards)
+            breaks = self._breakpoints
+            what = "firing of a rule with a breakpoint"
+            self._go_on(1, what, lambda stop: self._place_of(stop) in breaks, forwards=forwards)
 
     def _go_on(self, count: int, what: str, wanted: Callable[[PastStop], bool], *, forwards: bool) -> None:
         """Go to the stop that is wanted and comes `count`-th. Raises NowhereError, and stays, if there is none."""
@@ -199,9 +217,9 @@ class StepSession:
         if not rest:
             raise StepError(f"'until' needs a fact, such as {self._example()}")
         asked = self._questions(rest)
-        what = {False: "stop where it begins to hold", True: "stop where it is derived"}[_first(asked).action]
-        what = "stop where it is opened" if _first(asked).goal else what
-        self._go_on(1, what, lambda stop: self._brings(stop, asked[stop.part]), forwards=forwards)
+        first = next(each for each in asked if each is not None)
+        what = "is opened" if first.goal else "is derived" if first.action else "begins to hold"
+        self._go_on(1, f"stop where it {what}", lambda stop: self._brings(stop, asked[stop.part]), forwards=forwards)
 
     def _brings(self, stop: PastStop, asked: Question | None) -> bool:
         """Return whether what is asked for comes at a stop."""
@@ -228,7 +246,7 @@ class StepSession:
         problem = ""
         for part in self._stops.parts:
             try:
-                found.append(question(text, part.program, self._robots, self._stops.robot))
+                found.append(question(text, part.program, self._histories.robots, self._stops.robot))
             except WhyError as error:
                 problem = problem or str(error)
                 found.append(None)
@@ -249,16 +267,20 @@ class StepSession:
 
     # -- breakpoints --------------------------------------------------------------------------------------------------
 
-    def _breaks(self, stop: PastStop) -> bool:
-        return stop.firing is not None and _place(self._stops.parts[stop.part].program, stop.firing.rule) in (
-            self._breakpoints
-        )
+    def _places(self) -> list[str]:
+        """Return the rules that can have a breakpoint, in the order of the text."""
+        programs = [part.program for part in self._stops.parts]
+        return list(dict.fromkeys(_place(each, rule) for each in programs for rule in range(len(each.rules))))
+
+    def _place_of(self, stop: PastStop) -> str | None:
+        """Return which rule fires at a stop; None: it is no firing."""
+        return None if stop.firing is None else _place(self._stops.parts[stop.part].program, stop.firing.rule)
 
     def _break(self, rest: str) -> Iterator[str]:
         if not rest:
             yield from self._breakpoints or ["no breakpoint is set"]
             return
-        known = list(dict.fromkeys(_place(part.program, rule) for part in self._stops.parts for rule in _rules(part)))
+        known = self._places()
         wanted = rest.removeprefix("rule ").strip()
         if re.fullmatch("[0-9]+", wanted):  # a line alone, where there is one file
             found = [place for place in known if place.endswith(f":{int(wanted)}")]
@@ -266,17 +288,13 @@ class StepSession:
             found = [place for place in known if place == wanted]
         if not found:
             near = get_close_matches(wanted, known, LISTED_MAX, 0.0) if len(known) > LISTED_MAX else known
-            raise StepError(
-                f"no rule begins at '{wanted:.60}'; rules: {', '.join(sorted(near, key=_by_line)) or 'none'}"
-            )
+            rules = ", ".join(place for place in known if place in near)
+            raise StepError(f"no rule begins at '{wanted:.60}'; rules: {rules or 'none'}")
         if len(found) > 1:
             raise StepError(f"line {wanted} is the beginning of several rules: {', '.join(found)}")
         self._breakpoints[found[0]] = None
-        fired = len([stop for stop in self._stops.all if self._breaks_at(stop, found[0])])
+        fired = len([stop for stop in self._stops.all if self._place_of(stop) == found[0]])
         yield f"breakpoint on rule {found[0]}, which fires {counted(fired, 'time')} in all"
-
-    def _breaks_at(self, stop: PastStop, place: str) -> bool:
-        return stop.firing is not None and _place(self._stops.parts[stop.part].program, stop.firing.rule) == place
 
     def _delete(self, rest: str) -> Iterator[str]:
         wanted = rest.removeprefix("rule ").strip()
@@ -305,7 +323,7 @@ class StepSession:
         asked = None
         if index is None:
             try:
-                asked = question(rest, program, self._robots, self._stops.robot)
+                asked = question(rest, program, self._histories.robots, self._stops.robot)
             except WhyError as error:
                 raise StepError(str(error)) from None
             if asked.goal or asked.action:
@@ -323,8 +341,13 @@ class StepSession:
             raise StepError(f"'why' needs a fact, such as {self._example()}")
         if self.at < 0:
             raise StepError("nothing has happened yet: go to a stop first")
+        histories = self._histories
+        told = len(histories.problems)
         try:
-            yield from self._explain(rest, self._stops.all[self.at].at)
+            asked = question(rest, histories.program, histories.robots)
+            answer = why(Past(histories, histories.variables), asked, self._stops.all[self.at].at)
+            yield from why_text(answer).splitlines()
+            yield from histories.problems[told:]
         except WhyError as error:
             raise StepError(str(error)) from None
 
@@ -367,20 +390,7 @@ def _instant(text: str) -> Instant:
     return seconds(float(found[1]) * {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}[found[2]])
 
 
-def _first(asked: Sequence[Question | None]) -> Question:
-    return next(each for each in asked if each is not None)
-
-
-def _rules(part: MindIndex) -> range:
-    return range(len(part.program.rules))
-
-
 def _place(program: Program, rule: int) -> str:
     """Return the name of a rule for breakpoints, ``corridor.rmr:12``."""
     name = rule_name(program, rule)
     return name.removeprefix("rule ") if rule_place_of(program, rule) is not None else name
-
-
-def _by_line(place: str) -> tuple[str, int]:
-    file, _, line = place.rpartition(":")
-    return file, int(line) if line.isdecimal() else 0

@@ -155,6 +155,79 @@ def test_click_on_a_missed_deadline_shows_the_owners_of_its_time(recordings, vis
     shown.close()
 
 
+def test_a_mind_is_stepped_through_and_the_time_goes_along(page):
+    page.tab("Step")
+    stop = page.page.locator(".step .part", has_text="This stop")
+    steps = page.page.locator(".step")
+
+    def shows(*texts):
+        until(lambda: stop.count() and all(text in stop.inner_text() for text in texts), f"{texts} at the stop")
+
+    page.seek(0.05)
+    shows("firing 2, rule corridor.rmr:19", "- crossing(@3, 30.0)", "+ action moveto(@3, exit)")
+    page.button("Next firing").click()
+    shows("firing 3, rule corridor.rmr:21")
+    until(lambda: abs(page.t - 0.275) < 0.001, "its instant")
+    assert "nothing: no other rule was satisfied" in steps.inner_text()
+    page.press("k")
+    shows("firing 2, rule corridor.rmr:19")
+    until(lambda: page.t == 0.0, "its instant")
+    page.press("k")
+    shows("firing 1, rule corridor.rmr:15")
+    assert "rule corridor.rmr:19: crossing(@3, 30.0)  <- fires next" in steps.inner_text()
+    page.press("Shift+I")
+    shows("given by the lab", "+ !due(@3, 30.0)")
+    page.press("i", "i")  # one after the other, however fast
+    shows("0.275 s  sensed", "+ turn(@3, crossing, 4)")
+
+
+def test_step_goes_to_an_instant_a_fact_and_a_breakpoint(page):
+    page.tab("Step")
+    stop = page.page.locator(".step .part", has_text="This stop")
+    field = page.page.get_by_label("An instant or a fact")
+
+    def shows(text):
+        until(lambda: stop.count() and text in stop.inner_text(), f"{text} at the stop")
+
+    field.fill("21s")
+    page.button("Go to it").click()
+    shows("action moveto(@3, exit) completed")
+    field.fill("crossing(@3, _)")
+    page.button("Back to it").click()
+    shows("+ crossing(@3, 30.0)")
+    until(lambda: page.t == 0.0, "its instant")
+    assert page.button("Next breakpoint").is_disabled()
+    page.page.get_by_label("Breakpoint on corridor.rmr:21").check()
+    page.press("c")
+    shows("firing 3, rule corridor.rmr:21")
+    page.button("Next breakpoint").click()
+    nowhere = page.page.locator(".step .trouble")
+    until(lambda: "no firing of a rule with a breakpoint after this stop" in nowhere.inner_text(), "nowhere to go")
+    page.press("Shift+C")
+    until(lambda: "before this stop" in nowhere.inner_text(), "nowhere back")
+    stop.get_by_role("button", name="corridor.rmr:21").click()
+    chosen = page.page.locator(".line.chosen")
+    until(lambda: chosen.count() == 1 and "lineup(R, entry, K)" in chosen.inner_text(), "the rule in the program")
+
+
+def test_step_tells_bad_input_as_the_terminal_does_and_stays(page):
+    page.tab("Step")
+    stop = page.page.locator(".step .part", has_text="This stop")
+    until(stop.count, "the stop")
+    before = stop.inner_text(), page.t
+    field = page.page.get_by_label("An instant or a fact")
+    trouble = page.page.locator(".step .trouble")
+    for text, said in (
+        ("12 parsecs", "'to 12 parsecs': write an instant of lab time as 12.3s, 500ms or 1.5min."),
+        ("at(@4, exit)", "is a fact of robot 4, not of robot 3"),
+    ):
+        field.fill(text)
+        field.press("Enter")
+        until(lambda said=said: trouble.count() and said in trouble.inner_text(), said)
+    assert (stop.inner_text(), page.t) == before
+    page.troubles.clear()  # the browser logs every answer of an error
+
+
 def test_page_opens_at_the_instant_and_robot_of_its_address(recorded, visit):
     page = visit(recorded.address + "#t=12.5&robot=4")
     assert page.t == 12.5

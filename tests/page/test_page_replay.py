@@ -271,3 +271,13 @@ def test_logs_are_filtered_by_robot_level_and_text(page):
     until(lambda: lines.count() == 1, "one line")
     lines.first.locator(".time").click()
     until(lambda: 10.0 < page.t < 13.0, "its instant")
+
+
+def test_stepping_through_a_run_that_was_not_recorded_says_what_to_do(page):
+    page.tab("Step")
+    assert "Choose a robot" in page.page.locator("#panel").inner_text()
+    page.press("3")
+    trouble = page.page.locator(".step .trouble")
+    until(lambda: trouble.count() and "start the run without --no-record" in trouble.inner_text(), "a sentence")
+    assert page.button("Next firing").is_disabled()
+    page.troubles.clear()  # the browser logs every answer of an error

@@ -2,7 +2,7 @@
 
 import { html, useEffect, useRef } from "./vendor/htm-preact.js";
 import { toggleTheme } from "./palette.js";
-import { changeSpeed, choose, clock, goLive, jump, seek, toggleLayer, togglePlay } from "./session.js";
+import { changeSpeed, choose, clock, goLive, jump, seek, step, toggleLayer, togglePlay } from "./session.js";
 import { get, set, useKeys } from "./store.js";
 
 const DIGITS_MS = 700; // digits that follow each other within this are one number
@@ -16,6 +16,8 @@ const HELP = [
   ["[ ]", "play slower or faster"],
   ["0 – 9", "choose a robot by its number"],
   ["N P", "choose the next or the previous robot"],
+  ["J K", "next or previous firing of the chosen robot"],
+  ["I C", "its next input; next firing of a rule with a breakpoint; with Shift back"],
   ["Esc", "choose no robot; close this"],
   ["+ −", "zoom the floor, or the timeline while it has the focus"],
   ["Arrows", "pan the floor while it has the focus"],
@@ -69,6 +71,12 @@ export function listen(floor, timeline) {
     r: () => toggleLayer("routes"),
     g: () => toggleLayer("trails"),
     t: toggleTheme,
+    j: () => stepBy("next"),
+    k: () => stepBy("back next"),
+    i: () => stepBy("input"),
+    I: () => stepBy("back input"),
+    c: () => stepBy("continue"),
+    C: () => stepBy("back continue"),
     "?": () => set({ help: !get().help }),
     Escape: () => (get().help ? set({ help: false }) : choose(null)),
     "+": () => zoomed().zoom(1.25),
@@ -80,9 +88,9 @@ export function listen(floor, timeline) {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || !get().run) return;
     const focus = event.target;
-    const typing = focus.matches("input:not([type=range]), select, textarea");
+    const typing = focus.matches("input:not([type=range], [type=checkbox]), select, textarea");
     if (typing && event.key !== "Escape") return;
-    if (focus.matches("button, summary") && (event.key === " " || event.key === "Enter")) return;
+    if (focus.matches("button, summary, [type=checkbox]") && (event.key === " " || event.key === "Enter")) return;
     if (focus.matches("input[type=range]") && /^(Arrow|Home|End|Page)/.test(event.key) && !focus.matches(".slider")) return;
     if (/^[0-9]$/.test(event.key)) digit(event.key);
     else if (arrows[event.key]) {
@@ -101,6 +109,11 @@ function arrow(event, [dx, dy], floor) {
   else if (dx) jump(-dx * (event.shiftKey ? 5 : 0.5));
   else return false; // up and down scroll
   return true;
+}
+
+function stepBy(command) {
+  set({ tab: "step" });
+  step(command);
 }
 
 export function Help() {

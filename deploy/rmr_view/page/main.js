@@ -11,6 +11,7 @@ import { RadioPanel } from "./radio.js";
 import { RobotPanel, Roster } from "./robot.js";
 import { clockText, intervalAt, leadersAt, stateText } from "./run_facts.js";
 import { advance, choose, clock, counts, frames, poses, reconnectNow, routesAt, seek, start, toggleLayer, explainMiss } from "./session.js";
+import { StepPanel } from "./step.js";
 import { get, set, shownTab, subscribe, useKeys } from "./store.js";
 import { GUTTER, Timeline } from "./timeline.js";
 import { Steering, Transport, hand } from "./transport.js";
@@ -25,6 +26,7 @@ const LAYERS = [
 ];
 const TABS = [
   ["robot", "Robot", RobotPanel],
+  ["step", "Step", StepPanel],
   ["radio", "Radio", RadioPanel],
   ["log", "Log", LogPanel],
   ["program", "Program", ProgramPanel],

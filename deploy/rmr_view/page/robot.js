@@ -158,7 +158,7 @@ function Mind({ details }) {
   `;
 }
 
-function Fact({ robot, fact, t }) {
+export function Fact({ robot, fact, t }) {
   const { why } = get();
   const asked = why && why.robot === robot && why.fact === fact;
   return html`<button class="fact" aria-pressed=${asked ? "true" : "false"} title="why does robot ${robot} hold this?"

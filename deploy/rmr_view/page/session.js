@@ -184,6 +184,56 @@ async function renewDetails() {
   detailsNext = performance.now() + Math.max(DETAILS_EVERY_MS, 2 * (performance.now() - wall));
 }
 
+let stepping = Promise.resolve();
+let stepBusy = false;
+let stepTried = "";
+let stepNext = 0;
+
+/** Show the stop at the time shown, while the panel is open that steps. */
+function renewStep() {
+  const { selected } = get();
+  if (selected === null || shownTab() !== "step" || stepBusy || performance.now() < stepNext) return;
+  if (stepTried !== `${selected}@${clock.t}`) step();
+}
+
+/** Carry out a command of `rmr replay --step` for the chosen robot, after those before; without one the stop is shown. */
+export function step(command = null) {
+  if (command) {
+    seek(clock.t);
+    clock.playing = false;
+  }
+  stepping = stepping.then(() => carryOut(command));
+}
+
+async function carryOut(command) {
+  const { selected, breakpoints } = get();
+  if (selected === null) return;
+  const { t } = clock;
+  const begun = performance.now();
+  stepBusy = true;
+  stepTried = `${selected}@${t}`;
+  if (get().step?.shown !== t) await showStop(selected, null, [`to ${t.toFixed(9)}s`], t);
+  const at = get().step;
+  if (command && at) {
+    const broken = at.rules.map(({ rule }) => rule).filter((rule) => command.endsWith("continue") && breakpoints.includes(rule));
+    await showStop(selected, at.at, [...broken.map((rule) => `break ${rule}`), command]);
+  }
+  stepBusy = false;
+  stepNext = performance.now() + 2 * (performance.now() - begun);
+}
+
+/** Ask where the lines lead from stop `from`; it is shown at `shown`, or the time shown goes along. */
+async function showStop(robot, from, lines, shown = null) {
+  try {
+    const found = await ask("step", { robot, at: from, do: lines.join("\n") });
+    if (get().selected !== robot) return;
+    if (shown === null && !found.nowhere) seek(found.t);
+    set({ step: { ...found, shown: shown ?? clock.t }, stepError: null });
+  } catch (error) {
+    if (get().selected === robot) set({ stepError: error.message });
+  }
+}
+
 let slow = -1;
 let counted = 0;
 let countedFrom = 0;
@@ -207,6 +257,7 @@ export function advance(milliseconds) {
     }
     set({ nowSlow: t, playing: clock.playing, liveView: clock.live, speed: clock.speed });
     renewDetails();
+    renewStep();
   }
   return t;
 }
@@ -261,7 +312,7 @@ export function changeSpeed(steps) {
 
 export function choose(robot) {
   if (robot === get().selected) return;
-  set({ selected: robot, details: null, detailsError: null, why: null, late: null });
+  set({ selected: robot, details: null, detailsError: null, why: null, late: null, step: null, stepError: null });
   detailsKey = "";
   detailsNext = 0;
   shown();

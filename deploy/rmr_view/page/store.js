@@ -14,6 +14,9 @@ let state = {
   tab: "robot",
   why: null, // {robot, fact, t, tree, error, negative}
   late: null, // {robot, job, begin_s, delay, problems, error}: the missed deadline that is explained
+  step: null, // the answer of /api/step, and the instant for which it is `shown`
+  stepError: null,
+  breakpoints: [], // rules, as FILE:LINE
   place: null, // {name, line}: the place in the source that the program tab shows
   connection: { state: "connecting" },
   message: null, // a sentence about an error, shown until it is dismissed

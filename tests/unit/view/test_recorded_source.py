@@ -1,12 +1,15 @@
 """A recording in the page: what the server tells of it is what happened in the run."""
 
 import json
+import re
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from command_runner import invoke
 from served_page import heard, served
 
+from rmr.commands.replay_command import command as replay
 from rmr_deploy.why_program import why_command
 from rmr_sim.main import command as sim
 from rmr_view.recorded_source import RecordedSource
@@ -99,6 +102,51 @@ def test_why_is_the_answer_of_rmr_why(browser, folder):
     assert {"version": 1, **browser.get(f"/api/why?robot=2&fact={fact}")} == json.loads(told.stdout)
 
 
+def stepped(folder, *lines):
+    """Return what the terminal's form prints after each line."""
+    told = invoke(replay, [str(folder), "--robot", "2", "--step"], name="rmr replay", text="\n".join(lines))
+    return [block.splitlines() for block in re.split(r"^@2 .* s> .*\n", told.stdout, flags=re.MULTILINE)[1:]]
+
+
+def test_step_leads_to_the_stops_of_the_terminal_and_tells_the_same_there(browser, folder):
+    lines = ["next", "until at(@2, exit)", "back input 2", "to 1.5s", "back", "step 3", "start", "end"]
+    asked = ["show", "facts", "goals", "agenda"]
+    blocks = stepped(folder, *[each for line in lines for each in (line, *asked)])
+    at = -1
+    for place, line in enumerate(lines):
+        found = browser.get(f"/api/step?robot=2&at={at}&do={quote(line)}")
+        at = found["at"]
+        _, stop, facts, goals, agenda = blocks[5 * place : 5 * place + 5]
+        assert found["stop"] == stop
+        assert [*found["facts"], *(f"{each}  (sensed)" for each in found["sensed"])] == [
+            each for each in facts if each != "no facts"
+        ]
+        assert found["goals"] == [each for each in goals if each != "no goal is open"]
+        assert found["agenda"] == agenda
+        assert found["nowhere"] is None
+    assert at == found["stops"] - 1
+
+
+def test_step_has_breakpoints_and_what_was_passed_over(browser, folder):
+    first = browser.get("/api/step?robot=2")
+    assert (first["at"], first["stop"], first["passed"]) == (-1, ["before the first input"], None)
+    rule = next(each["rule"] for each in first["rules"] if each["fires"] == 1 and each["rule"].endswith(":21"))
+    found = browser.get(f"/api/step?robot=2&at=-1&do={quote(f'break {rule}')}%0Acontinue")
+    assert f"rule {rule}" in found["stop"][0]
+    assert found["passed"] == stepped(folder, "break 21", "continue", "passed")[2]
+    again = browser.get(f"/api/step?robot=2&at={found['at']}&do={quote(f'break {rule}')}%0Acontinue")
+    assert (again["at"], again["nowhere"].partition(" after")[0]) == (
+        found["at"], "there is no firing of a rule with a breakpoint"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("line", ["to soon", "until at(@2", "until nothing(@2)", "continue", "break 99", "next 0"])
+def test_step_that_is_none_is_refused_with_the_sentence_of_the_terminal(browser, folder, line):
+    status, content, _ = browser.fetch(f"/api/step?robot=2&do={quote(line)}")
+    assert status == 400
+    assert stepped(folder, line) == [[f"error: {content['error']}"]]
+
+
 def test_client_of_a_recording_gets_its_end_at_once(browser, report):
     with browser.follow() as following:
         clock = heard(following, "clock")
@@ -116,6 +164,9 @@ def test_recording_cut_short_is_shown_as_far_as_it_reaches(folder, tmp_path):
         assert "cut short" in run["problems"][0]
         assert 1.0 < browser.get("/api/poses")["t"][-1] <= run["end_s"]
         assert browser.get("/api/robot/2?t=1")["facts"]
+        found = browser.get("/api/step?robot=2&do=end")
+        assert (found["stops"] > 2, found["t"] <= run["end_s"]) == (True, True)
+        assert any("cut short" in problem for problem in found["problems"])
 
 
 def test_file_that_is_replaced_by_other_octets_is_refused(tmp_path):

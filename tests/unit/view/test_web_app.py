@@ -95,6 +95,12 @@ def test_missed_deadlines_are_asked_of_one_robot(source, browser):
     assert source.asked == [(2, "missed")]
 
 
+def test_commands_of_a_step_pass_with_the_stop_from_which_they_go(source, browser):
+    assert browser.get("/api/step?robot=2&at=4&do=break%2021%0Acontinue") == {"robot": 2, "at": 4}
+    assert browser.get("/api/step?robot=2")["at"] == -1
+    assert source.asked == [(2, 4, "break 21\ncontinue"), (2, -1, "")]
+
+
 @pytest.mark.parametrize(
     ("path", "status", "words"),
     [
@@ -115,6 +121,11 @@ def test_missed_deadlines_are_asked_of_one_robot(source, browser):
         ("/api/why?robot=1&fact=a&depth=-1", 400, "depth: write a whole number from 0 to 100"),
         ("/api/why?robot=1&fact=a&more=x", 400, "more: write the number"),
         ("/api/why?robot=1&fact=a&not=yes", 400, "not: write 1"),
+        ("/api/step?robot=1&at=-2", 400, "at: write the number of a stop, or -1"),
+        ("/api/step?robot=1&at=x", 400, "at: write the number of a stop"),
+        ("/api/step?robot=9", 404, "there is no robot '9' in this run"),
+        ("/api/step?robot=1&to=3", 400, "unknown parameter 'to'; known are robot, at, do"),
+        (f"/api/step?robot=1&do={'x' * 20_001}", 400, "do: write commands of 20000 characters at most"),
         ("/api/missed", 400, "there is no robot '' in this run"),
         ("/api/missed?robot=1&job=a", 400, "unknown parameter 'job'; known are robot"),
     ],
