@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # What needs nothing but the sources, then what needs processes, sockets or a clock; of these a failed test runs once more.
 PARTS := RMR_COMPILED= $(BIN)/python tests/run_parts.py
 
-.PHONY: help demo test test-fast test-slow test-all fast wheel sbom lint bench score score-ci site paper ros2 validate-radio lock clean install
+.PHONY: help demo test test-fast test-slow test-all fast wheel sbom release lint bench score score-ci site paper ros2 validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -41,6 +41,9 @@ wheel: $(STAMP) ## a wheel in dist/; with RMR_COMPILE=1 one with compiled module
 
 sbom: $(STAMP) ## the bill of materials (CycloneDX) of what an installation brings, in dist/
 	@$(BIN)/python deploy/release/sbom.py dist/rmr-robots.cdx.json
+
+release: $(STAMP) ## a release of main, from VERSION=x.y.z: wheel, sdist, bill of materials, commit and signed tag; pushes nothing
+	@$(BIN)/python deploy/release/release.py $(VERSION) $(RELEASE)
 
 test: $(STAMP) ## a verdict in about four minutes: all tests but the slow ones
 	$(PARTS) "not slow"
