@@ -8,6 +8,7 @@ assertion, an action in Python, a test. Existing files are never overwritten.
 import re
 from pathlib import Path
 
+from rmr import __version__
 from rmr.base.file_errors import naming
 from rmr_world.document import read
 from rmr_world.provided_labs import LAB_FILE, missing, provided_labs
@@ -168,6 +169,41 @@ def test_all_robots_finish(rmr_sim: Callable[..., Run]) -> None:
     assert run.finished
 '''
 
+CI = {
+    ".github/workflows/lab.yml": """\
+# Checks, tests and simulates the lab at every push. In a larger repository: move .github to its root, and set LAB.
+name: lab
+on: [push, pull_request]
+permissions: {contents: read}
+env: {LAB: .}
+jobs:
+  lab:
+    runs-on: ubuntu-latest
+    timeout-minutes: 20
+    steps:
+      - uses: actions/checkout@v4
+      - uses: actions/setup-python@v5
+        with: {python-version: "3.12"}
+      - run: pip install 'rmr-robots~=VERSION' pytest
+      - run: rmr check "$LAB"
+      - run: pytest "$LAB"
+      - run: rmr sim "$LAB" --seeds 1-20
+""",
+    ".gitlab-ci.yml": """\
+# Checks, tests and simulates the lab at every push. In a larger repository: move this file to its root, and set LAB.
+lab:
+  image: python:3.12
+  timeout: 20 minutes
+  variables: {LAB: .}
+  script:
+    - pip install 'rmr-robots~=VERSION' pytest
+    - rmr check "$LAB"
+    - pytest "$LAB"
+    - rmr sim "$LAB" --seeds 1-20
+""",
+}
+"""File -> what a CI does with the lab, there."""
+
 README = """\
 # NAME
 
@@ -177,6 +213,7 @@ README = """\
     pytest                          # the test, which runs the lab; pip install pytest, if it is not there
 
 `lab.yaml` is the floor, `PROGRAM` what all robots do.ACTIONS
+`.github` and `.gitlab-ci.yml` check, test and simulate the lab at every push; their first line says what to set.
 Editors that know YAML complete `lab.yaml` by `lab.schema.json`; `rmr lab schema` prints that of a newer RMR.
 """
 
@@ -196,7 +233,7 @@ def write_lab(folder: Path, origin: str | None = None) -> list[Path]:
     folder.mkdir(parents=True)
     written = [write_file(folder / file, text.replace("NAME", name)) for file, text in texts.items()]
     about = " `actions.py` has the program's action in Python."
-    return sorted([*written, write_schema(folder), *_write_test_and_readme(folder, name, f"{name}.rmr", about)])
+    return sorted([*written, write_schema(folder), *_write_rest(folder, name, f"{name}.rmr", about)])
 
 
 def _from_provided(folder: Path, name: str, origin: str) -> list[Path]:
@@ -206,11 +243,15 @@ def _from_provided(folder: Path, name: str, origin: str) -> list[Path]:
     text = file.read_text(encoding="utf-8")
     write_file(file, re.sub(r"^lab:[^\n#]*", f"lab: {name}", text, count=1, flags=re.MULTILINE))
     program = next(each.name for each in files if each.suffix in {".rmr", ".rbc"})
-    return sorted([*files, *_write_test_and_readme(folder, name, program, "")])
+    return sorted([*files, *_write_rest(folder, name, program, "")])
 
 
-def _write_test_and_readme(folder: Path, name: str, program: str, actions: str) -> list[Path]:
-    """Write the test and the README, which every lab has."""
-    readme = README.replace("NAME", name).replace("PROGRAM", program).replace("ACTIONS", actions)
-    test = folder / f"test_{name.replace('-', '_')}.py"
-    return [write_file(test, TEST), write_file(folder / "README.md", readme)]
+def _write_rest(folder: Path, name: str, program: str, actions: str) -> list[Path]:
+    """Write what every lab has: test, README, and what a CI does with it."""
+    texts = {
+        f"test_{name.replace('-', '_')}.py": TEST,
+        "README.md": README.replace("NAME", name).replace("PROGRAM", program).replace("ACTIONS", actions),
+        **{file: text.replace("VERSION", __version__) for file, text in CI.items()},
+    }
+    (folder / ".github" / "workflows").mkdir(parents=True)
+    return [write_file(folder / file, text) for file, text in texts.items()]

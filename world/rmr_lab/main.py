@@ -148,7 +148,8 @@ new = Command(
     """\
 Write a lab of your own into the folder NAME, which must not exist yet: it runs at once.
 
-It holds the lab file, a program, an action in Python, a test, and a README that says what to do with them.
+It holds the lab file, a program, an action in Python, a test, files for the CI of GitHub and GitLab, and a README that
+says what to do with them.
 """,
     _declare_new,
     _new,

@@ -1,6 +1,7 @@
 """`rmr new`, `rmr lab list`, `copy` and `schema`: files of one's own that run at once, and are never overwritten."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -9,7 +10,9 @@ from pathlib import Path
 import pytest
 import yaml
 from command_runner import invoke
+from packaging.requirements import Requirement
 
+from rmr import __version__
 from rmr_lab.lab_check import check
 from rmr_lab.lab_folders import HEADER, LAB_NAME, SCHEMA_FILE
 from rmr_lab.main import command, new
@@ -29,8 +32,8 @@ def test_new_lab_is_whole_has_no_findings_and_finishes(tmp_path):
     folder = tmp_path / "shop"
     result = run(new, folder)
     assert result.exit_code == 0
-    names = ["README.md", "actions.py", "lab.schema.json", "lab.yaml", "shop.rmr", "test_shop.py"]
-    assert sorted(file.name for file in folder.iterdir()) == names
+    names = {"README.md", "actions.py", "lab.schema.json", "lab.yaml", "shop.rmr", "test_shop.py"}
+    assert {file.name for file in folder.iterdir()} == names | {".github", ".gitlab-ci.yml"}
     assert (folder / "lab.yaml").read_text().startswith(HEADER)
     assert check(folder).severities == []
     for seed in (1, 2, 3):
@@ -53,6 +56,51 @@ def test_python_files_of_a_new_lab_pass_mypy_strict(tmp_path):
     words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "."]
     answer = subprocess.run(words, cwd=tmp_path / "depot", capture_output=True, text=True, check=False)
     assert answer.stdout == "Success: no issues found in 2 source files\n"
+
+
+def jobs(folder):
+    """Return the variables and the commands of both CI files."""
+    github = yaml.load((folder / ".github" / "workflows" / "lab.yml").read_text(), yaml.BaseLoader)
+    gitlab = yaml.load((folder / ".gitlab-ci.yml").read_text(), yaml.BaseLoader)
+    assert github.keys() == {"name", "on", "permissions", "env", "jobs"}
+    steps = github["jobs"]["lab"]["steps"]
+    assert all(("uses" in step) != ("run" in step) for step in steps)
+    yield github["env"], [step["run"] for step in steps if "run" in step]
+    yield gitlab["lab"]["variables"], gitlab["lab"]["script"]
+
+
+def test_both_files_for_a_ci_install_this_version_and_do_the_same(tmp_path):
+    run(new, tmp_path / "shop")
+    first, second = jobs(tmp_path / "shop")
+    assert first == second
+    assert first[0] == {"LAB": "."}
+    [named] = re.findall("'(rmr-robots~=.*?)'", first[1][0])
+    assert Requirement(named).specifier.contains(__version__)
+    assert not Requirement(named).specifier.contains(f"{int(__version__.split('.')[0]) + 1}.0.0")
+
+
+@pytest.mark.medium
+def test_what_a_ci_does_passes_in_the_new_folder_and_fails_where_the_lab_does(tmp_path):
+    folder = tmp_path / "my-shop"
+    run(new, folder)
+    (variables, [_, *commands]), _ = jobs(folder)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = {**os.environ, **variables, "PATH": path}
+
+    def done(command, at, **more):
+        words = ["sh", "-e", "-c", command]
+        return subprocess.run(words, cwd=at, env=environment | more, capture_output=True, text=True, check=False)
+
+    for each in commands:
+        answer = done(each, folder)
+        assert answer.returncode == 0, (each, answer.stdout, answer.stderr)
+    assert "20 of 20 runs" in answer.stderr
+    assert done(commands[0], tmp_path, LAB="my-shop").returncode == 0, "from the root of a larger repository"
+    file = folder / "lab.yaml"
+    file.write_text(re.sub("(?m)^duration: .*$", "duration: 2s", file.read_text()))
+    assert [done(each, folder).returncode for each in commands[1:]] == [1, 1]
+    file.write_text(file.read_text().replace("program: ", "program: no-"))
+    assert done(commands[0], folder).returncode != 0
 
 
 def test_readme_of_a_new_lab_names_its_files_and_has_about_ten_lines(tmp_path):
@@ -101,6 +149,7 @@ def test_new_lab_from_a_provided_one_bears_its_own_name(tmp_path):
     found = check(tmp_path / "mine")
     assert (found.severities, found.lab.name) == ([], "mine")
     assert (tmp_path / "mine" / "test_mine.py").exists()
+    assert len(list(jobs(tmp_path / "mine"))) == 2
 
 
 def test_copy_of_an_unknown_lab_is_reported_and_writes_nothing(tmp_path):
