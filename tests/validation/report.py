@@ -1,8 +1,8 @@
 """The report of a validation: its data, the tables of docs/radio-validation.md, and the figures.
 
 The words of the page are written by hand; each table stands between two marks and is renewed from the data. The rows of
-all checks are in the data alone, validation.json beside the figures: the page has their sums, and names each that is
-missed.
+all checks are in the data alone, validation.json beside the figures, and so is why some are not judged: the page has
+their sums, and names each that is missed.
 """
 
 import json
@@ -132,10 +132,8 @@ def tables(data: Data) -> dict[str, list[str]]:
     """Return all tables of the page by what their marks say."""
     return {
         "summary": _summary(data),
-        "unjudged": _unjudged(data["checks"]),
         "mutations": _mutations(data),
         "rounds": _rounds([row for row in data["rounds"] if row["members"] in ROUNDS]),
-        "discovery": _discovery(data["discovery"]),
     }
 
 
@@ -165,18 +163,6 @@ def _narrowest(checks: Sequence[Data], file: str) -> str:
 def _used(check: Data) -> float:
     part: float = abs(check["difference"]) / check["tolerance"]
     return part
-
-
-def _unjudged(checks: Sequence[Data]) -> list[str]:
-    """Return how many quantities are not judged, by file and reason."""
-    counts: dict[tuple[str, str], int] = {}
-    for check in checks:
-        if check.get("unjudged"):
-            key = (check["file"], check["unjudged"])
-            counts[key] = counts.get(key, 0) + 1
-    return table(
-        ("file", "quantities", "why not judged"), [(_code(file), str(n), why) for (file, why), n in counts.items()]
-    )
 
 
 def as_check(data: Data) -> Check:
@@ -258,29 +244,6 @@ def _rounds(found: Sequence[Data]) -> list[str]:
             _mean(row["round_ms"]),
             *(_mean(row["round"][name]) for name in ("frames", "airtime_ms")),
             *(_mean(row[phase]["frames"]) for phase in ("waiting", "passing")),
-        )
-        for row in found
-    ])  # fmt: skip
-
-
-def _discovery(found: Sequence[Data]) -> list[str]:
-    header = (
-        "members",
-        "heard it",
-        "first answer came",
-        "answered within the round",
-        "least of a seed",
-        "frames",
-        "airtime, ms",
-    )
-    names = ("heard", "first", "answered")
-    return table(header, [
-        (
-            str(row["members"]),
-            *(_mean(row[name]) for name in names),
-            f"{row['worst']:.3g}",
-            _mean(row["frames"]),
-            _mean(row["airtime_ms"]),
         )
         for row in found
     ])  # fmt: skip

@@ -56,3 +56,15 @@ def test_a_verdict_is_what_difference_and_tolerance_say() -> None:
 def test_every_rule_that_was_broken_was_noticed() -> None:
     assert len(DATA["mutations"]) >= 40
     assert [row["rule"] for row in DATA["mutations"] if not row["noticed"]] == []
+
+
+def test_all_members_answer_within_the_round() -> None:
+    assert "All members, of up to 50, answer" in PAGE
+    assert max(row["members"] for row in DATA["discovery"]) == 50
+    assert {row["worst"] for row in DATA["discovery"]} == {1}
+
+
+def test_quantities_that_are_not_judged_have_their_reason_in_the_data() -> None:
+    reasons = [check.get("unjudged") for check in DATA["checks"] if check["verdict"] == "shown"]
+    assert all(reasons)
+    assert sum(why == "no tolerance is stated" or "capacity" in why for why in reasons) > len(reasons) / 2
