@@ -42,5 +42,6 @@ def test_what_attackers_achieve_follows_from_the_table():
 
 
 def test_the_rates_on_the_page_are_those_of_the_code():
-    rows = table(page("keys"), "messages", "a second", "at once", "as")
-    assert rows == [(f"`{kind}`", str(rate.per_s), str(rate.at_once), rate.reason) for kind, rate in RATES.items()]
+    rows = table(page("keys"), "messages", "a second", "at once")
+    assert all(rate.reason for rate in RATES.values())
+    assert rows == [(f"`{kind}`", str(rate.per_s), str(rate.at_once)) for kind, rate in RATES.items()]
