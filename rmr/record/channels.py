@@ -84,9 +84,7 @@ CHANNELS: Final = (
         "rmr.Frame",
         "json",
         "robot",
-        "one transmission of a robot's radio, when it is over: sender, destination (null: all), kind of payload, "
-        "octets of the frame, number of the request, when the request was made, first symbol, end, attempt (from 0), "
-        "and the request's outcome with its last attempt",
+        "one transmission of a robot's radio, when it is over; with its last attempt the request's outcome",
         {
             "source": _WHOLE,
             "destination": _PERHAPS_WHOLE,
