@@ -11,9 +11,9 @@ from rmr.node.motion.standoff.escapes import ESCAPES
 PAGE = ROOT / "docs" / "motion.md"
 TABLES = {
     "hazards": [
-        "| rule | stage | hazard | what is done | where |",
-        "|---|---|---|---|---|",
-        *(f"| `{r.name}` | {r.stage.value} | {r.hazard} | {r.rule} | `{r.where}` |" for r in HAZARDS),
+        "| rule | stage | hazard | what is done |",
+        "|---|---|---|---|",
+        *(f"| `{r.name}` | {r.stage.value} | {r.hazard} | {r.rule} |" for r in HAZARDS),
     ],
     "escapes": [
         "| escape | situation | way out |",
