@@ -191,13 +191,10 @@ def merged_rows(known: Iterable[Row], new: Sequence[Row]) -> list[Row]:
 
 
 def written(folder: Path, rows: Sequence[Row]) -> None:
-    """Write tables and data into `folder`: a table for each set of runs; rules that are gone are in the data alone."""
+    """Write table and data into `folder`; rules that are gone, and which runs those of a rule were, are in the data."""
+    lines = [line_of(row) for row in rows if row["rule"] in RULES]
     header = ("rule left out", "fired in", "time / bound", "")
-    page = ["# Ablation of the rules of motion", "", *NOTE]
-    present = [row for row in rows if row["rule"] in RULES]
-    for over in dict.fromkeys(row["over"] for row in present):
-        lines = [line_of(row) for row in present if row["over"] == over]
-        page += ["", f"## {over[0].upper()}{over[1:]}", "", *table(header, lines)]
+    page = ["# Ablation of the rules of motion", "", *NOTE, "", *table(header, lines)]
     (folder / "ablation.md").write_text("\n".join([*page, ""]))
     (folder / "ablation.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
@@ -215,7 +212,7 @@ def line_of(row: Row) -> tuple[str, ...]:
 NOTE = (
     "Each [hazard rule and each escape](../motion.md) is left out in turn, with chaos, where it fired: a rule that did",
     "not fire cannot change a run. Time over bound: the mean difference over the runs that finish both with the rule",
-    "and without it. Written by `python tests/evaluation/ablation.py`; `ablation.jsonl` also has former rules.",
+    "and without it. Written by `python tests/evaluation/ablation.py`; `ablation.jsonl` has the runs, and former rules.",
 )
 
 

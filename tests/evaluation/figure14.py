@@ -220,14 +220,13 @@ def stack(rows: Sequence[Row], mode: str) -> list[Data]:
 
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the tables of the page: of each lab and mode the fewest and the most robots; the data have all."""
-    header = ("lab", "mode", "robots", "runs", "time, s: mean", *(f"{label}, s" for label in LABELS), "mean / bound")
+    header = ("lab", "mode", "robots", "time, s: mean", *(f"{label}, s" for label in LABELS), "mean / bound")
     series: dict[tuple[str, str], list[Row]] = {}
     for row in data["rows"]:
         series.setdefault((row["lab"], row["mode"]), []).append(row)
     lines = [
         (
             *(str(row[key]) for key in ("lab", "mode", "robots")),
-            str(row["mean_s"]["n"]),
             text(row["mean_s"]),
             *(f"{row[name]['value']:.2f}" for name in PHASES),
             f"{row['mean_s']['value'] / row['bound_s']:.2f}",

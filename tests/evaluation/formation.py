@@ -13,7 +13,7 @@ from typing import Any
 
 from assignment import least_longest, least_squares, ways_between
 from experiment import Data, figure, panel, series, table, target
-from intervals import percent, quantile, share, text
+from intervals import quantile, share, text
 from runs import Row, Run, simulated
 
 from rmr_sim.simulation import Simulation
@@ -139,35 +139,20 @@ def drawn(rows: Sequence[Row]) -> Data:
 
 
 def tables(data: Data) -> dict[str, list[str]]:
-    """Return the tables of the page."""
+    """Return the table of the page; the figure has the time of each shape."""
     rows = data["rows"]
-    header = ("robots", "seeds", "finished", "contacts", "missed deadlines", "smallest gap", "time, median", "p99")
+    header = ("robots", "seeds", "smallest gap", "time, median", "p99", "least possible", "first barrier", "barrier")
     lines = [
         (
             str(row["robots"]),
             str(row["time_s"]["n"]),
-            percent(row["finished"]),
-            str(row["contacts"]),
-            f"{row['missed']} of {row['deadlines']:,}",
             f"{row['min_gap_mm']:.0f} mm",
             text(row["time_s"], 2, " s"),
             text(row["p99_s"], 2, " s"),
-        )
-        for row in rows
-    ]
-    inside = [
-        (
-            str(row["robots"]),
-            *(f"{each['value']:.2f} s" for each in row["shapes_s"]),
             f"{row['fleet_bound_s']:.1f} s",
             f"{1e3 * row['start_s']['value']:.0f} ms",
             f"{1e3 * row['barrier_s']['value']:.0f} ms",
-            f"{1e3 * row['barrier_p99_s']['value']:.0f} ms",
-            f"{row['frames']['value']:.0f}",
-            f"{row['sum_ratio']['value']:.3f}",
-            f"{row['sum_ratio_worst']:.3f}",
         )
         for row in rows
     ]
-    about = ("least possible", "first barrier", "barrier", "p99", "frames", "squares / least", "worst")
-    return {NAME: [*table(header, lines), "", *table(("robots", *SHAPES, *about), inside)]}
+    return {NAME: table(header, lines)}

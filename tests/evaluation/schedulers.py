@@ -214,15 +214,13 @@ def tables(data: Data) -> dict[str, list[str]]:
     """Return the tables of what was carried out and of what was on paper, of this for the most jobs alone."""
     most = max((row["count"] for row in data["paper"]), default=0)
     best = ("optimum", "as many as it", "as many as it from the first slots on")
-    header = ("order", "deadlines met of 6", *best, "contacts", "runs with contact", "time, s")
+    header = ("order", "deadlines met of 6", *best, "time, s")
     lines = [
         (
             ORDERS[Order(row["order"])],
             text(row["met"]),
             "-" if row["optimum"] is None else text(row["optimum"]),
             *("-" if row[key] is None else percent(row[key]) for key in ("as_good", "as_good_standing")),
-            str(row["contacts"]),
-            percent(row["touched"]),
             text(row["time_s"], 1),
         )
         for row in data["rows"]

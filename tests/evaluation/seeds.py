@@ -7,7 +7,7 @@ collisions, chance in medium access. Each seed draws all of these anew.
 from collections.abc import Sequence
 
 from experiment import Data, figure, panel, series, table, target
-from intervals import percent, quantile, share, text
+from intervals import quantile, share, text
 from runs import Row, Run, simulated
 
 NAME = "seeds"
@@ -74,13 +74,11 @@ def drawn(by_lab: dict[str, list[Row]]) -> Data:
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the table of the page."""
     ratios = ("time / bound, median", "p99", "worst")
-    header = ("lab", "seeds", "finished", "contacts", "missed deadlines", "smallest gap", *ratios)
+    header = ("lab", "seeds", "missed deadlines", "smallest gap", *ratios)
     lines = [
         (
             row["lab"],
             str(row["median"]["n"]),
-            percent(row["finished"]),
-            str(row["contacts"]),
             f"{row['missed']} of {row['deadlines']:,}",
             f"{row['min_gap_mm']:.0f} mm",
             text(row["median"], 3),

@@ -178,14 +178,12 @@ def drawn(runs: Sequence[Row], seeds: int) -> Data:
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the table of the page."""
     times = ("time, s: median", "95th percentile", "free way, s")
-    header = ("scene", "robots", "seeds", "way out", "runs with a contact", *times)
+    header = ("scene", "robots", "way out", *times)
     lines = [
         (
             each["scene"],
             str(each["robots"]),
-            str(each["way_out"]["n"]),
             percent(each["way_out"]),
-            percent(each["touched"]),
             *("" if each[key] is None else text(each[key], 1) for key in ("time_s", "p95_s")),
             f"{each['free_s']:.1f}",
         )

@@ -22,5 +22,5 @@ def test_a_run_is_taken_shape_by_shape_and_its_barriers_are_part_of_the_time():
     row = {"robots": 4, **formation.summary(runs)}
     assert all(each["met"] for each in formation.targets(row))
     lines = formation.tables({"rows": [row]})[formation.NAME]
-    assert len(lines) == 7
+    assert len(lines) == 3
     assert Figure.model_validate(json.loads(as_json({"figure": formation.drawn([row])}))["figure"]).panels

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from experiment import Data, figure, panel, series, table, target
-from intervals import mean, percent, quantile, share, text
+from intervals import mean, quantile, share, text
 from runs import Row, Run, simulated
 
 from rmr.base.motion_scale import scale_of
@@ -194,11 +194,9 @@ def _label(order: str) -> str:
 
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the table of the page."""
-    header = ("order", "deadlines met of 8", "finished", "contacts", "time, median", "time / bound, median")
+    header = ("order", "deadlines met of 8", "time, median", "time / bound, median")
     lines = []
     for row in data["rows"]:
-        rest = ["", "", "", ""]
-        if "finished" in row:
-            rest = [percent(row["finished"]), str(row["contacts"]), text(row["time_s"], 1, " s"), text(row["ratio"])]
+        rest = [text(row["time_s"], 1, " s"), text(row["ratio"])] if "finished" in row else ["", ""]
         lines.append([_label(row["order"]), text(row["met"]), *rest])
     return {NAME: table(header, lines)}
