@@ -39,34 +39,33 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         LISTENS,
         "listen",
         "a robot that has never been heard",
-        "where the radio reaches over the whole floor, a robot that starts or restarts stands until it has heard a "
-        "position of each robot of the roster, 10 s at most, or 60 s if others hear the one that it misses; on a wider "
-        "floor a restarted robot listens for 1.2 s",
+        "a robot that starts or restarts stands until it has heard a position of each robot of the roster, 10 s at "
+        "most, or 60 s if others hear the one that it misses; on a floor wider than the radio reaches a restarted "
+        "robot listens for 1.2 s",
         "hearing.py",
     ),
     SilenceRule(
         CUT_OFF,
         "majority",
         "a robot that the others do not hear, or hardly any, and presume dead",
-        "where the radio reaches over the whole floor, a robot stands unless it hears all others of the roster and "
-        "they hear it, or a majority with itself; after 60 s without one it drives by sight",
+        "where the radio reaches over the whole floor, a robot stands unless it has [symmetric "
+        "links](safety.md#the-rules) to all others or a majority; after 60 s without one it drives by sight",
         "link_sensing.py",
     ),
     SilenceRule(
         SILENT,
         "silence",
         "radio that is cut, a process that is stopped, a robot that has died",
-        "a driving robot that has not been heard for 1.2 s (2.4 s if it was parked) may be anywhere in a disc that "
-        "grows at full speed; a robot that this disc can reach before it stands, stops until the other is heard again",
+        "a robot that has not been heard for 1.2 s (2.4 s if it was parked) may be anywhere in a disc that grows at "
+        "full speed; a robot that this disc can reach before it stands, stops until the other is heard again",
         "hearing.py",
     ),
     SilenceRule(
         OVERDUE_HELLOS,
         "overdue",
         "a near robot that misses a hello or two",
-        "for a near robot that is not in view and not behind, two overdue hellos are a silence (0.6 s if it drives, "
-        "1.3 s if it is parked); a robot that sets out waits for a single one of a parked robot (0.7 s), which may "
-        "have set out unheard",
+        "of one that is not in view and not behind, two overdue hellos are a silence (0.6 s if it drives, 1.3 s if it "
+        "is parked); for a robot that sets out a single one of a parked robot is (0.7 s)",
         "hearing.py",
     ),
     QueueRule(
@@ -81,9 +80,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "goal",
         HazardStage.CAP,
         "several robots that drive to one place",
-        "a robot whose goal is taken waits six radii before it, so that the one there can leave; each that goes later "
-        "(farther off by six radii, else later in the order) waits three radii farther away, up to five of them; "
-        "robots on each other's goals go",
+        "a robot whose goal is taken waits six radii before it; each that goes later (farther off by six radii, else "
+        "later in the order) waits three radii farther away, up to five of them; robots on each other's goals go",
         "goal_queue.py",
     ),
     Hazard(
@@ -98,34 +96,31 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "cooperation",
         HazardStage.PERCEPTION,
         "a robot that approaches from the side, unseen",
-        "*cooperative perception*: a robot that is near and heard counts as a body although it is not in view, at the "
-        "place and with the velocity of its last hello",
+        "a robot that is near and heard counts as a body, at the place and with the velocity of its last hello",
         "hearing.py",
     ),
     Hazard(
         "order",
         HazardStage.PERCEPTION,
         "paths that converge, as before the gate",
-        "the later in the order slows down early for the other and leaves it 0.25 s more of its way, the earlier "
-        "brakes late, whichever side the other is on; without an order the robot that has the other on its right "
-        "gives way",
+        "the later in the order slows down early for the other and leaves it 0.25 s more of its way; without an order "
+        "the robot that has the other on its right gives way",
         "ways.py",
     ),
     Hazard(
         "ways",
         HazardStage.WHEELS,
         "a body around",
-        "*ways to stand*: the command is slowed along its arc, so that the way on which the robot comes to stand is "
-        "clear of [that of each other one](safety.md#robots-that-drive), even if that brakes now and the own process "
-        "stops in this very moment",
+        "the command is slowed along its arc, so that the way on which the robot comes to stand is clear of [that of "
+        "each other one](safety.md#robots-that-drive)",
         "ways.py",
     ),
     Hazard(
         "sight",
         HazardStage.WHEELS,
         "a dead robot that has driven on since it was heard last",
-        "near its last place, and anywhere if a robot has never been heard, a robot drives only where it has just "
-        "looked: it turns on the spot instead of driving arcs with a radius below 0.5 m, and does not reverse",
+        "near its last place, and anywhere if a robot has never been heard, a robot drives [only where it has just "
+        "looked](safety.md#the-rules)",
         "speed_control.py",
     ),
     Hazard(
@@ -133,8 +128,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         HazardStage.WHEELS,
         "a body or a wall behind a robot that reverses",
         "a reverse manoeuvre stops 3 cm short of a wall and of every known body; one behind that drives away is taken "
-        "to be where it was heard last, since it may have stopped, and one that does not is taken to have driven here "
-        "at full speed since. Before a wall alone the robot turns on the spot until it can back up beside it",
+        "to be where it was heard last, and one that does not is taken to have driven here at full speed since. "
+        "Before a wall alone the robot turns on the spot until it can back up beside it",
         "navigator.py",
     ),
     Hazard(
@@ -142,8 +137,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         HazardStage.WHEELS,
         "a robot or a wall that is nearer than estimated",
         "the command is slowed along its arc, so that the robot [can always stand](safety.md#the-shield) three "
-        "standard deviations of its estimate short of each wall and each standing robot that it sees or has heard; "
-        "nearer than that it only drives away",
+        "standard deviations of its estimate short of each wall and standing robot; nearer it only drives away",
         "shield.py",
     ),
     Hazard(

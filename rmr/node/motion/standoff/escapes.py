@@ -211,26 +211,24 @@ def _reverse(arena: Arena, times: float) -> Duration:
 ESCAPES: Final[tuple[Escape, ...]] = (
     ClearEntrance(
         "clear_entrance",
-        "a robot has waited for 2 s in an entrance by which others come out; or it stands where waiting is allowed, "
-        "and right before it (7 cm from hull to hull) is one that has come out and has no room to turn past it",
+        "a robot has waited for 2 s in an entrance by which others come out; or right before it (7 cm from hull to "
+        "hull) is one that has come out and has no room to turn past it",
         "it drives out of the way, by 0.28 m to 0.84 m, for 4 s at most, and comes back",
     ),
     Retreat(
         "retreat",
-        "a jam outside of the bottleneck: no escape has led 10 cm away and nearer to the goal for 8 s, or a robot that "
-        "has made room finds no route back for so long; with its turn or without. Or the robot has no route, since its "
-        "goal is taken, or waits for its turn, and stands where another one wants to go that gets nowhere",
-        "the robot drives to free floor, by 0.28 m at first and up to 0.84 m. Its direction is random, by its id and "
-        "the number of tries; among free places it takes one that blocks fewest of the robots near it. It comes back "
-        "after 6 to 12 s, at random too. If it gets stuck on the way, it retreats in another direction. It gives back "
-        "a turn that it has",
+        "a jam outside of the bottleneck: no escape has led 10 cm away and nearer to the goal for 8 s, or a robot "
+        "that has made room finds no route back for so long. Or the robot has no route, since its goal is taken, or "
+        "waits for its turn, and stands where another one wants to go that gets nowhere",
+        "the robot drives to free floor, by 0.28 m at first and up to 0.84 m, in a random direction, by its id and the "
+        "number of tries; among free places to one that blocks fewest of the robots near it. It comes back after 6 to "
+        "12 s, at random too. Stuck on the way, it retreats in another direction. It gives back a turn that it has",
     ),
     Detour(
         "detour",
         "deadlock, and there is another route",
-        "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others, by a way that is "
-        "planned where it has come to stand. They are taken to be 5 cm farther to the left, so that both pass on the "
-        "right",
+        "the robot reverses for 0.4 s (0.8 s at every third try), then drives around the others, which are taken to be "
+        "5 cm farther to the left, so that both pass on the right",
     ),
     GiveWay(
         "give_way",
