@@ -212,7 +212,7 @@ def line_of(row: Row) -> tuple[str, ...]:
 NOTE = (
     "Each [hazard rule and each escape](../motion.md) is left out in turn, with chaos, where it fired: a rule that did",
     "not fire cannot change a run. Time over bound: the mean difference over the runs that finish both with the rule",
-    "and without it. Written by `python tests/evaluation/ablation.py`; `ablation.jsonl` has the runs, and former rules.",
+    "and without it. Written by `python tests/evaluation/ablation.py`; `ablation.jsonl` has the runs and former rules.",
 )
 
 
