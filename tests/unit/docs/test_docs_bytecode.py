@@ -17,7 +17,6 @@ from rmr.bytecode.layout import FLAG_DEBUG, FLAG_ENSEMBLE, FLAG_TEXTUAL, MAGIC, 
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Duty, Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
-from rmr.lang.analyse.types import type_text
 from rmr.lang.compiler import compile_source
 from rmr.vm import assertions, derive, goal_ways, goals, machine, match, once, ranks, rotor, underway, watches
 
@@ -94,10 +93,11 @@ def test_the_tags_are_those_of_the_code():
     assert f"kind: {kinds}" in PAGE
 
 
-def test_what_robots_provide_is_what_the_code_says():
-    assert table(PAGE, "provided", "kind", "types") == [
-        (each.name, each.kind.name.lower(), ", ".join(map(type_text, each.types))) for each in PREDICATES.values()
-    ]
+def test_the_kinds_of_what_robots_provide_are_those_of_the_code():
+    assert {each.name: each.kind for each in PREDICATES.values() if each.kind is not Kind.SENSED} == {
+        "id": Kind.PERSISTENT
+    }
+    assert "`id` is persistent, all others are sensed" in " ".join(PAGE.split())
 
 
 def template(node):
@@ -120,6 +120,8 @@ def reasons():
 
 def test_every_reason_of_the_verifier_is_documented():
     documented = [codes(row[0])[0] for row in table(PAGE, "reason", "what must hold")]
+    plain = " ".join(section(PAGE, "What is verified").split()).partition("say themselves what must hold: ")[2]
+    documented += codes(plain.partition("`.")[0] + "`")
     assert len(set(documented)) == len(documented)
     limit = "… …, at most … are possible"
     assert limit in {template(node) for node in ast.walk(ast.parse(inspect.getsource(limits)))}
