@@ -185,12 +185,21 @@ def make_route(
     for a, b in pairwise(points):
         at.append(at[-1] + distance(*a, *b))
     route = Route(tuple(points), tuple(at))
-    passages = [each for each in arena.passages if each.name not in behind] if through_gate else []
+    passages = arena.passages if through_gate else ()
     for passage in passages:
-        if _begins_within(arena, passage, route):
+        if passage.name not in behind and _begins_within(arena, passage, route):
             return gated_again(arena, passage, route)
     gated = [found for passage in passages if (found := _gated(arena, passage, route)) is not None]
-    return min(gated, key=lambda found: found.gate_m or 0.0, default=route)
+    # A route that comes by both mouths of a passage may lead from the one to the other through the next passage.
+    passed = [each for each in gated if not any(_encloses(each, other) for other in gated)]
+    return min(
+        (each for each in passed if each.passage not in behind), key=lambda each: each.gate_m or 0.0, default=route
+    )
+
+
+def _encloses(one: Route, other: Route) -> bool:
+    """Return whether the passage of `one` begins before that of `other` and ends behind it."""
+    return (one.gate_m or 0.0) < (other.gate_m or 0.0) and other.clear_m < one.clear_m
 
 
 def _gated(arena: Arena, passage: FloorPassage, route: Route) -> Route | None:

@@ -11,6 +11,7 @@ from rmr.base.direction import direction_of, ends_of
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import seconds, tick_start
 from rmr.node.crossing import resource
+from rmr.node.motion.astar import plan
 from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.keep_right import gated_route
 from rmr.node.motion.leader_path import shared_part
@@ -117,6 +118,29 @@ def test_a_robot_that_has_asked_at_a_passage_goes_there():
     blocked = gated_route(arena, start, goal, [Point(1.2, 1.05)], via="north")
     assert blocked is not None
     assert blocked.passage == "south"
+
+
+def test_a_way_between_the_mouths_of_a_passage_may_lead_through_another_one():
+    """Where another way leaves more room to the walls, none is planned through the tight one."""
+    ends = {name: (area("w", 1.0, y), area("e", 1.4, y)) for name, y in (("south", 0.45), ("tight", 1.05))}
+    arena = Arena(
+        2.4,
+        1.5,
+        0.05,
+        tuple(bench.box(1.0, low, 1.4, high) for low, high in ((0.0, 0.3), (0.6, 0.96), (1.14, 1.5))),
+        passages=tuple(FloorPassage(name, pair) for name, pair in ends.items()),
+    )
+    start, goal = Point(2.1, 0.9), Point(0.3, 0.9)
+    tight = arena.passages[1].mouths
+    points = [point for leg in pairwise((start, *tight[::-1], goal)) for point in plan(arena, *leg).points[1:]]
+    for behind in (frozenset(), {"tight"}):
+        assert make_route(arena, [start, *points], through_gate=True, behind=frozenset(behind)).passage == "south"
+    assert make_route(arena, [start, *points], through_gate=True, behind=frozenset({"south"})).passage is None
+    for via in (None, "tight"):
+        found = gated_route(arena, start, goal, (), via=via)
+        assert found is not None
+        assert found.passage == "south"
+        assert found.length_m < 2.2
 
 
 def test_a_route_along_the_side_of_a_wide_passage_passes_its_gate():

@@ -75,6 +75,14 @@ def test_a_passage_that_nobody_passes_is_warned_of(tmp_path):
     assert "passages.north" not in found
 
 
+def test_a_passage_whose_robots_drive_through_another_one_for_room_is_warned_of(tmp_path):
+    tight = [("[1.6, 1.05, 2.6, 1.95]", "[1.6, 1.05, 2.6, 2.01]"), ("[1.6, 2.25, 2.6, 3.0]", "[1.6, 2.19, 2.6, 3.0]")]
+    found = warehouse(tmp_path, tight)
+    words = "between 'north_west' and 'north_east' robots of 0.07 m drive through 'south', which leaves them more room"
+    assert f"passages.north: warning: nobody passes it: {words}" in found
+    assert "passages.south" not in found
+
+
 def test_a_narrow_passage_without_a_name_beside_those_with_names_is_warned_of(tmp_path):
     found = warehouse(tmp_path, [("  south: {mouths: [south_west, south_east]}\n", "")])
     assert "is not exclusive: drives go through it without turns; name its ends under passages" in found

@@ -6,11 +6,13 @@ leaves robots of a scheduled assertion without turns.
 """
 
 from collections.abc import Iterable, Iterator
+from itertools import combinations
 
-from rmr.base.arena import BOTTLENECK, found_passage
+from rmr.base.arena import BOTTLENECK, Arena, FloorPassage, found_passage
 from rmr.base.geometry import Point
 from rmr.bytecode.program import Assertion, Program
-from rmr.node.motion.route import leader_route
+from rmr.node.motion.astar import plan
+from rmr.node.motion.route import leader_route, make_route
 from rmr_world.finding import FilePath, Finding
 from rmr_world.found_passages import NearEnds, too_near
 from rmr_world.lab import Lab
@@ -190,15 +192,29 @@ def passage_not_passed(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a passage that lies on no robot's route."""
     passages = [each for each in lab.arena.passages if not each.found and (not each.by_event or _has_turns(program))]
     passed = _passed(lab) if passages else None
-    if passed is None:
-        return
-    for passage in [each for each in passages if each.name not in passed]:
+    for passage in passages:
         between = " and ".join(f"'{area.name}'" for area in passage.entrances)
-        why = f"no way of a robot to an area leads through {between}; nothing is passed in turns there"
+        if other := _instead(lab.arena, passage):
+            radius = lab.arena.shape.radius
+            why = f"between {between} robots of {radius:g} m drive through '{other}', which leaves them more room"
+        elif passed is None or passage.name in passed:
+            continue
+        else:
+            why = f"no way of a robot to an area leads through {between}; nothing is passed in turns there"
         if passage.by_event:
             yield lab.warning((BOTTLENECK,), f"nobody passes the bottleneck: {why}")
         else:
             yield lab.warning(("passages", passage.name), f"nobody passes it: {why}")
+
+
+def _instead(arena: Arena, passage: FloorPassage) -> str | None:
+    """Return the name of another passage through which all ways between the mouths of `passage` lead; None: of none."""
+    for ends in combinations(passage.mouths, 2):
+        found = plan(arena, *ends)
+        named = {} if found is None else passages_on(arena, make_route(arena, found.points, through_gate=True))
+        if not named or passage.name in named:
+            return None
+    return next(iter(named)) if len(passage.mouths) > 1 else None
 
 
 def _has_turns(program: Program) -> bool:
