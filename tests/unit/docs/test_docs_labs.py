@@ -235,6 +235,14 @@ def simulated():
     return report_of(simulation, simulation.run())
 
 
+def documented_fields():
+    """Return (fields, meaning) of each line of the list of the report's fields."""
+    text = re.sub(r"\n  +", " ", section(PAGE, "report.json"))
+    rows = [re.match(r"((?:`[^`]+`(?:, )?)+): (.+)", line) for line in re.findall(r"^- (.+)$", text, re.MULTILINE)]
+    assert all(rows)
+    return [(codes(row[1]), row[2]) for row in rows]
+
+
 def of_processes(folder):
     lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
     plan = RunPlan(RunOptions(lab=lab.path, durable=True), lab, None, folder)
@@ -244,7 +252,7 @@ def of_processes(folder):
 def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_path):
     assert simulated["finished"]
     found = set(fields(simulated)) | set(fields(of_processes(tmp_path)))
-    documented = [field for row in table(PAGE, "field", "meaning") for field in codes(row[0])]
+    documented = [field for names, _ in documented_fields() for field in names]
     counters = table(section(page("radio"), "What is counted"), "counter", "counts")
     documented += [f"robots.ID.frames.{codes(row[0])[0]}" for row in counters]
     assert sorted(set(documented) - {"robots.ID"}) == sorted(found)
@@ -253,8 +261,7 @@ def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_pat
 
 def test_the_fields_of_processes_alone_are_marked(simulated, tmp_path):
     alone = set(fields(of_processes(tmp_path))) - set(fields(simulated))
-    rows = [row for row in table(PAGE, "field", "meaning") if row[1].startswith("`rmr up`:")]
-    marked = {field for row in rows for field in codes(row[0])}
+    marked = {field for names, meaning in documented_fields() if meaning.startswith("`rmr up`:") for field in names}
     assert marked == alone
 
 
