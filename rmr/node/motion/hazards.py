@@ -113,7 +113,7 @@ class Hazard:
     """One rule. Rules of the stages PERCEPTION and WHEELS are asked for by name where they are applied."""
 
     def __init__(self, name: str, stage: HazardStage, hazard: str, rule: str, where: str) -> None:
-        """`hazard` and `rule` are the columns of docs/motion.md; `where` is the module of the rule."""
+        """`hazard` and `rule` stand in docs/motion.md; `where` is the module of the rule."""
         self.name: Final = name
         self.stage: Final = stage
         self.hazard: Final = hazard

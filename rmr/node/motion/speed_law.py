@@ -48,16 +48,15 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         CUT_OFF,
         "majority",
         "a robot that the others do not hear, or hardly any, and presume dead",
-        "where the radio reaches over the whole floor, a robot stands unless it has [symmetric "
-        "links](safety.md#the-rules) to all others or a majority; after 60 s without one it drives by sight",
+        "the robot stands without [a majority](safety.md#the-rules); after 60 s without one it drives by sight",
         "link_sensing.py",
     ),
     SilenceRule(
         SILENT,
         "silence",
         "radio that is cut, a process that is stopped, a robot that has died",
-        "a robot that has not been heard for 1.2 s (2.4 s if it was parked) may be anywhere in a disc that grows at "
-        "full speed; a robot that this disc can reach before it stands, stops until the other is heard again",
+        "a robot stands while one that has not been heard for 1.2 s (2.4 s if it was parked) [may come "
+        "there](safety.md#the-rules)",
         "hearing.py",
     ),
     SilenceRule(
@@ -88,8 +87,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "memory",
         HazardStage.PERCEPTION,
         "a body that has left the narrow view",
-        "it is remembered for 0.8 s, or until its robot reports its position, at its extrapolated place; a slow one "
-        "also at the place where it was seen",
+        "it is remembered for 0.8 s, or until its robot is heard, at its extrapolated place; a slow one also where it "
+        "was seen",
         "body_memory.py",
     ),
     Hazard(
@@ -103,24 +102,22 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "order",
         HazardStage.PERCEPTION,
         "paths that converge, as before the gate",
-        "the later in the order slows down early for the other and leaves it 0.25 s more of its way; without an order "
-        "the robot that has the other on its right gives way",
+        "[the later in the order](safety.md#robots-that-drive) slows down early for the other",
         "ways.py",
     ),
     Hazard(
         "ways",
         HazardStage.WHEELS,
         "a body around",
-        "the command is slowed along its arc, so that the way on which the robot comes to stand is clear of [that of "
-        "each other one](safety.md#robots-that-drive)",
+        "the command is slowed, so that the way on which the robot comes to stand is clear of [that of each other "
+        "one](safety.md#robots-that-drive)",
         "ways.py",
     ),
     Hazard(
         "sight",
         HazardStage.WHEELS,
         "a dead robot that has driven on since it was heard last",
-        "near its last place, and anywhere if a robot has never been heard, a robot drives [only where it has just "
-        "looked](safety.md#the-rules)",
+        "a robot drives [only where it has just looked](safety.md#the-rules)",
         "speed_control.py",
     ),
     Hazard(
@@ -136,8 +133,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "shield",
         HazardStage.WHEELS,
         "a robot or a wall that is nearer than estimated",
-        "the command is slowed along its arc, so that the robot [can always stand](safety.md#the-shield) three "
-        "standard deviations of its estimate short of each wall and standing robot; nearer it only drives away",
+        "the command is slowed, so that the robot [can always stand](safety.md#the-shield) short of each wall and "
+        "standing robot; nearer it only drives away",
         "shield.py",
     ),
     Hazard(
@@ -151,8 +148,8 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         "unwatched",
         HazardStage.WHEELS,
         "a host that is too slow, so that samples wait to be read",
-        "a moving robot whose newest sample is more than 50 ms old slows down so that it moves at most 1 cm unseen; "
-        "with a sample older than 100 ms it stands until a newer one comes",
+        "a robot whose newest sample is more than 50 ms old moves at most 1 cm unseen; with one older than 100 ms it "
+        "stands",
         "driver.py",
     ),
 )

@@ -220,9 +220,9 @@ ESCAPES: Final[tuple[Escape, ...]] = (
         "a jam outside of the bottleneck: no escape has led 10 cm away and nearer to the goal for 8 s, or a robot "
         "that has made room finds no route back for so long. Or the robot has no route, since its goal is taken, or "
         "waits for its turn, and stands where another one wants to go that gets nowhere",
-        "the robot drives to free floor, by 0.28 m at first and up to 0.84 m, in a random direction, by its id and the "
+        "the robot drives to free floor, by 0.28 m at first and up to 0.84 m, in a direction drawn by its id and the "
         "number of tries; among free places to one that blocks fewest of the robots near it. It comes back after 6 to "
-        "12 s, at random too. Stuck on the way, it retreats in another direction. It gives back a turn that it has",
+        "12 s, drawn too. It gives back a turn that it has",
     ),
     Detour(
         "detour",
