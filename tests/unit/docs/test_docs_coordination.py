@@ -196,4 +196,4 @@ def test_the_figures_of_motion_are_those_of_the_code():
     assert gate.EARLY_SHARE == 0.1  # "a tenth"
     assert crossing.POLL_EVERY == 500 * NS_PER_MS  # "every half second"
     longest = detector.PATIENCE_S + 3 * detector.PATIENCE_STEP_S
-    assert f"after {detector.PATIENCE_S:g} to {longest:g} s of standing" in PAGE
+    assert f"after {detector.PATIENCE_S:g} to {longest:g} s of standing" in " ".join(PAGE.split())

@@ -28,7 +28,7 @@ def test_every_fault_of_robots_is_explained_and_the_example_is_a_lab_files():
 def test_every_word_of_a_fault_in_the_trace_is_documented():
     source = (ROOT / "world" / "rmr_sim" / "simulation.py").read_text()
     used = re.findall(r"self\._note\(robot, \"(\w+)\"", source)
-    assert [codes(row[0])[0] for row in table(PAGE, "`fault`", "is")] == used
+    assert codes(re.search(r"whose `fault` is (.+?)\.", TEXT)[1]) == used
 
 
 def test_the_figures_are_those_of_the_code():
@@ -71,11 +71,10 @@ def test_every_method_property_and_bound_of_the_hunt_is_documented():
     assert "last {:g} to {:g} s".format(*(ms / 1000 for ms in candidates.WINDOW_MS)) in text
 
 
-def test_every_kind_of_hard_chaos_has_a_line_with_its_length():
-    rows = table(section(PAGE, "Faults at random"), "kind", "length")
-    assert len(rows) == len(chaos.HARD_ALONE + chaos.HARD_TOGETHER)
-    spans = [
-        "{:g} to {:g} s".format(*(ms / 1000 for ms in span)) for span in (chaos.HARD_LENGTH_MS, chaos.HARD_RADIO_MS)
-    ]
-    assert [row[1] for row in rows] == [spans[0], spans[1], spans[1], spans[1]]
+def test_every_kind_of_hard_chaos_is_named_with_its_length():
+    kinds = re.search(r"up to three times: (.+?)\.", TEXT)[1]
+    radio = ("mute robots", "deaf robots", "partitions into two parts")
+    assert len(("stalls", *radio)) == len(chaos.HARD_ALONE + chaos.HARD_TOGETHER)
+    lengths = ["{:g} to {:g} s".format(*(ms / 1000 for ms in span)) for span in (chaos.HARD_LENGTH_MS, chaos.HARD_RADIO_MS)]
+    assert kinds == f"stalls of {lengths[0]}; {', '.join(radio)} of {lengths[1]}"
     assert (chaos.HARD_MAX, chaos.HARD_FROM_MS_MAX) == (3, 30_000)  # "up to three times", "the first 30 s"
