@@ -103,7 +103,7 @@ def main() -> int:
     options.output.write_text(data)
     if options.write:
         path = options.write.with_suffix(".md")
-        rows = table(("a million robots", "taken", "target", ""), figure_rows(told))
+        rows = table(("a million robots", "taken", "target"), figure_rows(told))
         path.write_text(renewed(path.read_text("utf-8"), "\n".join([*rows, ""]), "columns"), "utf-8")
         (options.write / "columns.json").write_text(data)
     return 0 if all(figure.met for figure in taken) else 1

@@ -15,7 +15,7 @@ from systems import CLIPS, installed
 Data = dict[str, Any]
 """A taking, as it stands in the JSON."""
 
-HEADER = ("workload", "size", "rival", "RMR, us a firing", "rival's", "ratio", "quartiles", "target", "")
+HEADER = ("workload", "size", "rival", "RMR, us a firing", "rival's", "ratio", "quartiles", "target")
 
 
 def write(folder: Path, data: Data) -> None:
@@ -77,8 +77,7 @@ def figure_rows(figures: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
             f"{each['value']:.3g} {each['unit']}",
             ""
             if each["target"] is None
-            else f"{'>=' if each.get('at_least') else '<='} {each['target']:g} {each['unit']}",
-            verdict(None if each["target"] is None else each["met"]),
+            else f"{'>=' if each.get('at_least') else '<='} {each['target']:g} {each['unit']}, {verdict(each['met'])}",
         )
         for each in figures
     ]
@@ -95,11 +94,20 @@ def rows(data: Data) -> list[tuple[str, ...]]:
             _microseconds(each["rival_s"], each["firings"]) if each["rival_s"] else "not installed",
             f"{each['ratio']['median']:.3g}" if each["ratio"] else "",
             f"{each['ratio']['low']:.3g} - {each['ratio']['high']:.3g}" if each["ratio"] else "",
-            "" if each["target"] is None else f"<= {each['target']:g}",
-            verdict(each["met"]),
+            "" if each["target"] is None else f"<= {each['target']:g}, {verdict(each['met'])}",
         )
         for each in data["comparisons"]
     ]
+
+
+def _missed(row: Sequence[str]) -> bool:
+    return row[-1].endswith("not met")
+
+
+def _shown(row: Sequence[str]) -> tuple[str, ...]:
+    """Return a row without its rival; one that is not CLIPS stands with the workload."""
+    workload, size, rival, *rest = row
+    return (workload if rival == CLIPS else f"{workload}, {rival}", size, *rest)
 
 
 def _others(comparisons: Sequence[Data]) -> list[str]:
@@ -119,7 +127,7 @@ def _microseconds(timing: Data, firings: int) -> str:
 
 
 def verdict(met: bool | None) -> str:
-    return {None: "", True: "met", False: "not met"}[met]
+    return {None: "not taken", True: "met", False: "not met"}[met]
 
 
 def tables(data: Data) -> str:
@@ -133,13 +141,13 @@ def tables(data: Data) -> str:
     lines = [
         f"Taken {data['taken'][:10]}: {where}; engine: {data['engine']}. Rivals: {rivals or 'none'}.",
         "",
-        *table(HEADER, [row for row in rows(data) if row[2] == CLIPS or row[-1] == "not met"]),
+        *table((*HEADER[:2], *HEADER[3:]), [_shown(row) for row in rows(data) if row[2] == CLIPS or _missed(row)]),
         "",
         *_others(data["comparisons"]),
         "",
     ]
     aimed = [each for each in data["figures"] if each["target"] is not None]
-    lines += table(("one machine", "taken", "target", ""), figure_rows(aimed))
+    lines += table(("one machine", "taken", "target"), figure_rows(aimed))
     lines += [f"\nNot installed: {', '.join(data['not installed'])}."] if data["not installed"] else []
     return "\n".join(lines) + "\n"
 

@@ -73,7 +73,7 @@ def main() -> int:
         figures += figures_of(name, run(words))
         figures.append(Figure(f"{name}: taken by the machine's host", _stolen_percent(before, _processor()), "%"))
     told = [{**asdict(figure), "met": figure.met} for figure in figures]
-    header = ("real processes", "taken", "target", "")
+    header = ("real processes", "taken", "target")
     lines = table(header, figure_rows(told))
     aimed = table(header, figure_rows([each for each in told if each["target"] is not None]))
     print("\n".join(lines))

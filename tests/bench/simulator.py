@@ -112,7 +112,7 @@ def main() -> int:
         }
         figures = taken(labs, options.rounds)
     told = [{**asdict(figure), "met": figure.met} for figure in figures]
-    header = ("the simulator on one core", "taken", "target", "")
+    header = ("the simulator on one core", "taken", "target")
     lines = table(header, figure_rows(told))
     aimed = table(header, figure_rows([each for each in told if each["target"] is not None]))
     print("\n".join(lines))

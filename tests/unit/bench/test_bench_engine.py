@@ -125,7 +125,7 @@ def test_a_taking_becomes_a_page_with_its_data(tmp_path, monkeypatch):
     folder = tmp_path / "benchmarks"
     folder.with_suffix(".md").write_text(f"{BEGIN}\n{END}\n")
     page.write(folder, engine.as_data(engine.take("tokens", ALONE), ALONE))
-    assert "| tokens | 500 | CLIPS |" in folder.with_suffix(".md").read_text()
+    assert "| tokens | 500 | 0" in folder.with_suffix(".md").read_text()
     assert json.loads((folder / "engine.json").read_text())["rounds"] == 1
 
 
