@@ -280,22 +280,15 @@ def drawn(rows: Sequence[Row]) -> Data:
     return figure("One search for a way", "Medians over the floors; bars: 95 % intervals of the median.", panels)
 
 
-def ratios(row: Row) -> tuple[str, str, str]:
-    """Return how our costs compare with another's, as cells of a table."""
-    return f"{row['over']['value']:.4f}", f"{row['over_most']:.4f}", str(row["equal"])
-
-
 def tables(data: Data) -> dict[str, list[str]]:
-    """Return the tables of the page."""
-    of_costs = ("our cost / its cost: median", "most", "equal")
-    header = ("cells", "planner", "floors", "one search, ms: median", *of_costs)
+    """Return the tables of the page; the data have how our costs compare with those of others."""
+    header = ("cells", "planner", "floors", "one search, ms: median")
     lines = [
         (
             f"{row['side']} x {row['side']}",
             NAMES.get(row["planner"], row["planner"]),
             str(row["ms"]["n"]),
             text(row["ms"], 2 if row["side"] < 100 else 0),
-            *(("", "", "") if row["planner"] == "rmr" else ratios(row)),
         )
         for row in data["rows"]
         if row["planner"] != "skimage_cutting"  # a lower bound: the data have it
