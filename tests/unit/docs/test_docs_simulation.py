@@ -75,6 +75,7 @@ def test_every_kind_of_hard_chaos_is_named_with_its_length():
     kinds = re.search(r"up to three times: (.+?)\.", TEXT)[1]
     radio = ("mute robots", "deaf robots", "partitions into two parts")
     assert len(("stalls", *radio)) == len(chaos.HARD_ALONE + chaos.HARD_TOGETHER)
-    lengths = ["{:g} to {:g} s".format(*(ms / 1000 for ms in span)) for span in (chaos.HARD_LENGTH_MS, chaos.HARD_RADIO_MS)]
+    spans = (chaos.HARD_LENGTH_MS, chaos.HARD_RADIO_MS)
+    lengths = ["{:g} to {:g} s".format(*(ms / 1000 for ms in span)) for span in spans]
     assert kinds == f"stalls of {lengths[0]}; {', '.join(radio)} of {lengths[1]}"
     assert (chaos.HARD_MAX, chaos.HARD_FROM_MS_MAX) == (3, 30_000)  # "up to three times", "the first 30 s"
