@@ -32,6 +32,13 @@ def _cells(line: str) -> Row:
     return tuple(cell.strip() for cell in line.strip().strip("|").split("|"))
 
 
+def listed(text: str) -> list[tuple[list[str], str]]:
+    """Return (names, meaning) of each line of a list that begins with names in code quotes: "- `a`, `b`: meaning"."""
+    items = re.findall(r"^- (`.+)$", re.sub(r"\n  +", " ", text), re.MULTILINE)
+    rows = [re.match(r"((?:`[^`]+`(?:, )?)+): (.+)", item) for item in items]
+    return [(codes(row[1]), row[2]) for row in rows if row]
+
+
 def codes(cell: str) -> list[str]:
     """Return what stands between code quotes in a cell."""
     return re.findall(r"`([^`]+)`", cell)

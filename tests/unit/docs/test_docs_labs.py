@@ -6,7 +6,7 @@ import re
 
 import pytest
 import yaml
-from doc_pages import ROOT, blocks, codes, page, section, table
+from doc_pages import ROOT, blocks, codes, listed, page, section, table
 
 from rmr.base.time import NS_PER_MS
 from rmr.base.values import ROBOT_ID_MAX
@@ -235,14 +235,6 @@ def simulated():
     return report_of(simulation, simulation.run())
 
 
-def documented_fields():
-    """Return (fields, meaning) of each line of the list of the report's fields."""
-    text = re.sub(r"\n  +", " ", section(PAGE, "report.json"))
-    rows = [re.match(r"((?:`[^`]+`(?:, )?)+): (.+)", line) for line in re.findall(r"^- (.+)$", text, re.MULTILINE)]
-    assert all(rows)
-    return [(codes(row[1]), row[2]) for row in rows]
-
-
 def of_processes(folder):
     lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
     plan = RunPlan(RunOptions(lab=lab.path, durable=True), lab, None, folder)
@@ -252,7 +244,7 @@ def of_processes(folder):
 def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_path):
     assert simulated["finished"]
     found = set(fields(simulated)) | set(fields(of_processes(tmp_path)))
-    documented = [field for names, _ in documented_fields() for field in names]
+    documented = [field for names, _ in listed(section(PAGE, "report.json")) for field in names]
     counters = table(section(page("radio"), "What is counted"), "counter", "counts")
     documented += [f"robots.ID.frames.{codes(row[0])[0]}" for row in counters]
     assert sorted(set(documented) - {"robots.ID"}) == sorted(found)
@@ -261,7 +253,8 @@ def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_pat
 
 def test_the_fields_of_processes_alone_are_marked(simulated, tmp_path):
     alone = set(fields(of_processes(tmp_path))) - set(fields(simulated))
-    marked = {field for names, meaning in documented_fields() if meaning.startswith("`rmr up`:") for field in names}
+    rows = listed(section(PAGE, "report.json"))
+    marked = {field for names, meaning in rows if meaning.startswith("`rmr up`:") for field in names}
     assert marked == alone
 
 
@@ -274,8 +267,8 @@ def test_every_provided_action_is_named():
 
 def test_everything_that_a_robot_offers_to_an_action_is_documented():
     offered = {name for name in vars(RobotHandle) if not name.startswith("_")}
-    rows = table(PAGE, "`robot`", "")
-    assert {re.search(r"(\w+)(\(|$)", name)[1] for row in rows for name in codes(row[0])} == offered
+    rows = listed(section(PAGE, "Your own actions").partition("The `robot` has:")[2])
+    assert {re.search(r"(\w+)(\(|$)", name)[1] for names, _ in rows for name in names} == offered
 
 
 def test_the_example_runs_and_does_what_the_page_says(tmp_path):

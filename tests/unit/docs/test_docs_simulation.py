@@ -3,7 +3,7 @@
 import re
 
 import yaml
-from doc_pages import ROOT, blocks, codes, page, section, table
+from doc_pages import ROOT, blocks, codes, listed, page, section, table
 
 from rmr_sim import chaos
 from rmr_sim.event import Event
@@ -48,9 +48,11 @@ def test_every_kind_of_fault_at_random_has_a_line():
 
 def test_what_an_event_may_use_is_there():
     simulation = prepare(ROOT / "deploy" / "labs" / "testbed", robots=1)
-    names = [re.match(r"\w+", code)[0] for row in table(PAGE, "of `simulation`", "") for code in codes(row[0])]
+    rows = listed(section(PAGE, "Your own events").partition("The `simulation` has:")[2])
+    names = [re.match(r"\w+", code)[0] for names, _ in rows for code in names]
+    assert len(names) > 10
     assert [name for name in names if not hasattr(simulation, name)] == []
-    (robots,) = [row[1] for row in table(PAGE, "of `simulation`", "") if codes(row[0]) == ["robots"]]
+    (robots,) = [meaning for names, meaning in rows if names == ["robots"]]
     offered = [re.match(r"\w+", code)[0] for code in codes(robots)]
     assert [name for name in offered if not hasattr(simulation.robots[0], name)] == []
     assert [re.match(r"\w+", codes(row[0])[0])[0] for row in table(PAGE, "of `Event`", "")] == ["Event", "callback"]
