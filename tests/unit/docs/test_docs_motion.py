@@ -23,7 +23,7 @@ RULES = {
         + "\n".join(line(f"`{r.name}` ({r.hazard}): {r.rule}") for r in HAZARDS if r.stage is stage)
         for stage in HazardStage
     ),
-    "escapes": "\n".join(line(f"`{e.name}` ({e.situation}): {e.way_out}") for e in ESCAPES),
+    "escapes": "\n".join(line(f"`{e.name}`: {e.situation} -> {e.way_out}") for e in ESCAPES),
 }
 
 
