@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 
 import pytest
 from doc_pages import blocks, codes, page, section, table
@@ -32,9 +33,8 @@ def test_the_header_is_the_one_of_the_code():
 
 
 def test_the_tables_are_those_of_the_code():
-    assert [row[:2] for row in table(PAGE, "#", "table", "entry")] == [
-        (str(index), name) for index, name in enumerate(TABLES)
-    ]
+    told = " ".join(section(PAGE, "File").split()).partition("The tables are, in this order: ")[2].partition(" With bit 2")[0]
+    assert codes(told) == list(TABLES)
 
 
 def test_the_duties_are_those_of_the_code():
@@ -47,18 +47,31 @@ def test_the_opcodes_are_those_of_the_code():
     known = []
     for op in Op:
         form = FORMS[op]
-        operand = words.get(form.operand, form.operand.name.lower())
-        pops = str(form.pops) if form.pops >= 0 else {Op.CALL: "arity", Op.APPLY: "arity", Op.LIST: "count"}[op]
-        known.append((f"0x{op:02x}", op.name, operand, pops))
+        operand = "" if form.operand is Operand.NONE else " " + words.get(form.operand, form.operand.name.lower())
+        known.append((f"0x{op:02x}", op.name + operand))
         assert form.pushes == (0 if form.operand is Operand.SKIP else 1)
-    listed = table(PAGE, "opcode", "instruction", "operand", "pops", "does", "no value")
-    assert [row[:4] for row in listed] == known
-    assert "Instructions with a skip push nothing, all others one value" in PAGE
+    listed = table(PAGE, "opcode", "instruction", "does", "no value")
+    assert [row[:2] for row in listed] == known
+    told = " ".join(PAGE.split())
+    assert "Instructions with a skip push nothing, all others one value" in told
+    two, one = (re.search(words, told)[1] for words in (r"(0x[^.;]*) pop two values", r"values, a below b; (.*?) pop one;"))
+    spans = re.findall(r"0x(\w\w) to 0x(\w\w)", two)
+    assert {op for op in Op if any(int(a, 16) <= op <= int(b, 16) for a, b in spans)} == popping(2)
+    assert {Op[name] for name in re.findall(r"[A-Z_]+", one)} == popping(1)
+    assert "CALL and APPLY pop as many as the function has arguments, LIST as many as its count" in told
+    assert popping(-1) == {Op.CALL, Op.APPLY, Op.LIST}
+
+
+def popping(count):
+    """Return the opcodes that pop `count` values; with -1, those whose operand says how many."""
+    return {op for op in Op if FORMS[op].pops == count}
 
 
 def test_the_functions_are_those_of_the_code():
-    listed = table(PAGE, "number", "function", "arity", "value", "no value")
-    assert [row[:3] for row in listed] == [(str(i), each.name, str(each.arity)) for i, each in enumerate(FUNCTIONS)]
+    listed = table(PAGE, "number", "function", "no value")
+    assert [row[:2] for row in listed] == [
+        (str(i), f"{each.name}({', '.join('abcd'[: each.arity])})") for i, each in enumerate(FUNCTIONS)
+    ]
 
 
 SAMPLES = [0, 1, -7, 2.5, True, "a", (), (1, 2.5), ("a",)]
@@ -66,7 +79,7 @@ SAMPLES = [0, 1, -7, 2.5, True, "a", (), (1, 2.5), ("a",)]
 
 @pytest.mark.parametrize("op", [*arithmetic.UNARY, *arithmetic.BINARY])
 def test_an_operator_is_said_to_have_no_value_if_that_happens(op):
-    says = {row[1]: row[5] for row in table(PAGE, "opcode", "instruction", "operand", "pops", "does", "no value")}
+    says = {row[1]: row[3] for row in table(PAGE, "opcode", "instruction", "does", "no value")}
     fails = False
     for left in SAMPLES:
         for right in SAMPLES if op in arithmetic.BINARY else [None]:
@@ -141,11 +154,10 @@ def test_the_limits_are_those_of_the_code():
         "arguments of a predicate or function": str(limits.ARGUMENTS_MAX),
         "effects of an action, on completion or on failure": str(limits.EFFECTS_MAX),
         "actions that serve an assertion": str(limits.SERVING_MAX),
-        "lists in lists, in values and types": str(NESTING_MAX),
-        "length of a value": str(LENGTH_MAX),
-        "robot ids": str(ROBOT_ID_MAX),
-        "ints": "64 bits, signed",
     }
+    values = {row[1]: row[2] for row in table(PAGE, "tag (u8)", "value", "then")}
+    assert values["robot"].endswith(f"at most {ROBOT_ID_MAX}")
+    assert values["list"].endswith(f"at most {NESTING_MAX} lists in each other")
     assert f"Nothing longer than {LENGTH_MAX} is a value" in PAGE
     assert f"at most {verify.RANK_MAX}" in PAGE
 
