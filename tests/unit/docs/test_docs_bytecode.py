@@ -133,7 +133,7 @@ def reasons():
 
 def test_every_reason_of_the_verifier_is_documented():
     documented = [codes(row[0])[0] for row in table(PAGE, "reason", "what must hold")]
-    plain = " ".join(section(PAGE, "What is verified").split()).partition("say themselves what must hold: ")[2]
+    plain = " ".join(section(PAGE, "What is verified").split()).partition("above, say what must hold: ")[2]
     documented += codes(plain.partition("`.")[0] + "`")
     assert len(set(documented)) == len(documented)
     limit = "… …, at most … are possible"
