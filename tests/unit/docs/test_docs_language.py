@@ -67,7 +67,8 @@ def test_the_tour_shows_the_corridor_program_as_it_runs():
 
 
 def test_the_diagnostics_have_one_index():
-    assert "[Errors and warnings](diagnostics.md) lists all codes" in " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    told = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    assert "[Errors and warnings](diagnostics.md) lists all codes" in told
 
 
 def test_the_reserved_words_are_those_of_the_code():
