@@ -102,7 +102,9 @@ validate-radio: $(STAMP) ## the radio against ns-3, row by row: docs/radio-valid
 
 lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
-		--extra cluster --extra dev --extra editor --extra plot --output-file requirements.lock pyproject.toml build-requirements.in
+		--extra cluster --extra dev --extra editor --extra foxglove --extra keys \
+		--extra maps --extra plot \
+		--output-file requirements.lock pyproject.toml build-requirements.in
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
 		--extra paper --constraint requirements.lock --output-file requirements-paper.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \

@@ -24,7 +24,7 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 NAMESPACE = uuid.UUID("1d1c9d0e-3c0e-5b43-9f2e-6a3c1f4f7c11")
 """Of the serial numbers: a document's is made of its content."""
-USERS_EXTRAS = ("cluster", "editor", "plot")
+USERS_EXTRAS = ("cluster", "editor", "foxglove", "keys", "maps", "plot")
 """Extras for users that are in `requirements.lock`."""
 
 
@@ -70,7 +70,7 @@ def read_lock(text: str) -> list[Package]:
 
 def names_of(requirements: Iterable[str]) -> set[str]:
     """Return the names of `requirements`, as the lock has them."""
-    return {re.split(r"[^\w.-]", each, maxsplit=1)[0].lower().replace("_", "-") for each in requirements}
+    return {re.sub("[._]", "-", re.split(r"[^\w.-]", each, maxsplit=1)[0].lower()) for each in requirements}
 
 
 def reached(packages: list[Package], names: set[str]) -> set[str]:

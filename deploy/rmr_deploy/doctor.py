@@ -23,25 +23,26 @@ from rmr.entry.command_line import Command, Parser
 DISTRIBUTION: Final = "rmr-robots"
 CLONE: Final = Path(__file__).parents[2]
 USES: Final[Mapping[str, str]] = {
-    "cryptography": "keys, secured radios and the state of durable robots",
+    "backports.zstd": "recordings: rmr up, sim, view, replay, why and plot",
     "eclipse-zenoh": "rmr up, agent, world, router, fault, load and attach, rmr view of a run that goes on",
     "lark": "rmr check, compile, eval, sim, up, whatever reads a program",
     "msgpack": "recordings, and rmr up, agent and world",
     "numpy": "rmr sim, up, world, and rmr radio",
-    "pillow": "labs with a floor from a picture",
     "pydantic": "whatever reads a lab file",
     "pymunk": "rmr sim, up and world",
     "pyyaml": "whatever reads a lab file",
     "rich": "tables of rmr up, sim and explain",
     "starlette": "rmr view",
     "uvicorn": "rmr view",
-    "websockets": "rmr view",
-    "zstandard": "recordings: rmr up, sim, view, replay, why and plot",
+    "wsproto": "rmr view",
 }
 """Library of every install -> what wants it."""
 EXTRAS: Final[Mapping[str, str]] = {
     "cluster": "rmr sim --on: sweeps on a Dask cluster",
     "editor": "rmr lsp",
+    "foxglove": "rmr view --foxglove",
+    "keys": "rmr keys and sign, labs with mtls, secured radios",
+    "maps": "labs whose floor is an image",
     "plot": "rmr plot NAME",
     "ros2": "labs with bodies in ROS 2",
     "mujoco": "the robots of docs/examples/ros2",
@@ -50,7 +51,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "paper": "make paper",
     "site": "make site",
 }
-"""Extra -> what wants it; all but the first four are of use in a clone alone."""
+"""Extra -> what wants it; all but the first seven are of use in a clone alone."""
 PROGRAMS: Final[Mapping[str, tuple[str, str]]] = {
     "cc": ("make fast", "apt-get install gcc python3-dev, or name yours in CC"),
     "chromium": ("tests of the page", "apt-get install chromium"),
@@ -59,6 +60,12 @@ PROGRAMS: Final[Mapping[str, tuple[str, str]]] = {
     "docker": ("nothing of RMR", "not needed"),
 }
 """Program -> what wants it, what brings it."""
+
+
+REQUIREMENT: Final = re.compile(
+    r"([\w.-]+) *>= *([\d.]+) *(?:; *(?:python_version *< *['\"]([\d.]+)['\"]|extra == ['\"](\w+)['\"]))?"
+)
+"""Of this distribution: library, least version, and the Python from which on it is not needed, or the extra."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +106,12 @@ def _libraries() -> Iterator[MachineCheck]:
         return
     wrong: dict[str, list[str]] = {}
     for requirement in declared:
-        parts = re.fullmatch(r"([\w.-]+) *>= *([\d.]+) *(?:; *extra == ['\"](\w+)['\"])?", requirement)
+        parts = REQUIREMENT.fullmatch(requirement)
         if parts is None:
             continue  # in a form that this project does not use
-        name, least, extra = parts.groups()
+        name, least, below, extra = parts.groups()
+        if below and sys.version_info >= tuple(map(int, below.split("."))):
+            continue  # Python itself has it
         if told := _wrong(name, least):
             wrong.setdefault(extra or "", []).append(told)
             if not extra:
@@ -113,7 +122,7 @@ def _libraries() -> Iterator[MachineCheck]:
     if find_spec("rclpy") is not None:  # of a ROS 2 installation, which pip knows nothing of
         wrong.pop("ros2", None)
     clone = (CLONE / "pyproject.toml").is_file()
-    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:4]:
+    for extra, use in EXTRAS.items() if clone else [*EXTRAS.items()][:7]:
         mend = f"pip install {'-e ' if clone else ''}'{'.' if clone else DISTRIBUTION}[{extra}]'"
         yield _check(extra, extra not in wrong, ", ".join(wrong.get(extra, ["all of it"])), use, mend, needed=False)
 

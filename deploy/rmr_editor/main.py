@@ -61,11 +61,6 @@ def _declare(parser: Parser) -> None:
 def _serve(vsix: Path | None, stdio: bool) -> int:  # noqa: ARG001 - there is no other way
     if vsix is not None:
         return _packed(vsix)
-    from importlib.util import find_spec
-
-    if find_spec("pygls") is None:
-        print("rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it", file=sys.stderr)
-        return ExitCode.FAILED
     from rmr_editor.answers import answering
     from rmr_editor.language_server import serve
 

@@ -56,7 +56,7 @@ class PageServer:
             make_app(self._routes, source, guard),
             access_log=False,
             log_config=None,
-            ws="websockets-sansio",
+            ws="wsproto",
             ws_per_message_deflate=False,
             ws_max_size=65_536,
             http="h11",

@@ -2,7 +2,7 @@
 
 The data files of `docs/evaluation`, or of another folder, are named after their figures. Nothing is measured here: what
 a figure shows stands in its file, and `make paper` renews that. Of a recorded run there are pictures as SVG, and with
-`--animate` the run itself as SVG or GIF.
+`--animate` the run itself as SVG.
 """
 # ruff: noqa: PLC0415 - see rmr.entry; figures need no recordings, and runs no matplotlib, which takes a second to load
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rmr.entry import ExitCode, run
-from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean, real
+from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean, real, remedy
 
 if TYPE_CHECKING:
     from rmr_view.run_data import RunData
@@ -45,7 +45,7 @@ def _declare(parser: Parser) -> None:
     parser.option(
         "-o", "--output", read=Path, metavar="DIR", help="for the pictures (default: beside the data, or in RUN)"
     )
-    parser.option("--animate", read=Path, metavar="FILE", help="write RUN as an animation, FILE.svg or FILE.gif")
+    parser.option("--animate", read=Path, metavar="FILE", help="write RUN as an animation, FILE.svg")
     parser.option(
         "--speed", read=real(0.01, 1000), metavar="X", help="lab time over time of --animate (default: 15 s at most)"
     )
@@ -112,10 +112,9 @@ def _draw_all(chosen: dict[str, Path], folder: Path) -> int:
                 print(f"rmr plot: {name}: {doubt}", file=sys.stderr)
             print(folder / f"{name}.svg")
     except ImportError as error:
-        absent = isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "matplotlib"
-        what = "is not installed in this environment: pip install 'rmr-robots[plot]'"
-        if not absent:
-            what = f"cannot be loaded; install it anew: pip install --force-reinstall matplotlib: {error}"
+        if isinstance(error, ModuleNotFoundError) and remedy(error):
+            raise
+        what = f"cannot be loaded; install it anew: pip install --force-reinstall matplotlib: {error}"
         print(f"rmr plot: matplotlib {what}", file=sys.stderr)
         return ExitCode.FAILED
     return 0
@@ -128,8 +127,8 @@ def _plot_run(run: Path, output: Path | None, animate: Path | None, speed: float
     """Draw the pictures of `run` into the folder `output`, or its animation into `animate`; return the exit code."""
     from rmr.record.mcap_scan import RecordingError
 
-    if animate is not None and animate.suffix.lower() not in {".svg", ".gif"}:
-        raise CommandLineError(f"--animate {animate}: name a file that ends in .svg or .gif")
+    if animate is not None and animate.suffix.lower() != ".svg":
+        raise CommandLineError(f"--animate {animate}: name a file that ends in .svg")
     if not run.exists():
         print(f"rmr plot: {run}: no such file or folder", file=sys.stderr)
         return ExitCode.USAGE
@@ -180,21 +179,10 @@ def _write_film(data: "RunData", path: Path, speed: float | None) -> int:
     from rmr.base.file_errors import naming
     from rmr_view.animation import animation
 
-    if path.suffix.lower() == ".gif":
-        try:
-            from rmr_view.gif_film import film_of  # Pillow is optional
-        except ImportError:
-            print(
-                "rmr plot: a GIF needs Pillow: pip install 'rmr-robots[plot]', or write FILE.svg, which needs nothing",
-                file=sys.stderr,
-            )
-            return ExitCode.FAILED
-        octets = film_of(data, speed)
-    else:
-        octets = animation(data, speed).encode()
+    drawn = animation(data, speed)
     path.parent.mkdir(parents=True, exist_ok=True)
     with naming(path):
-        path.write_bytes(octets)
+        path.write_text(drawn)
     print(path)
     return ExitCode.OK
 

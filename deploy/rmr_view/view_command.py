@@ -13,7 +13,6 @@ from rmr_deploy.active_runs import PROCESSES_FILE, RUNS, under_way
 from rmr_deploy.page_start import TOKEN_VARIABLE
 from rmr_deploy.run_choice import FleetError, newest_folder
 from rmr_view.access_guard import new_token
-from rmr_view.foxglove_server import serve_foxglove
 from rmr_view.live_source import LiveSource, lab_in
 from rmr_view.page_server import PageServer, PageServerError, bind
 from rmr_view.recorded_source import RecordedSource, RecordingError
@@ -39,6 +38,8 @@ def perform(
     try:
         path = find_run(path or folder, lab)
         if foxglove:
+            from rmr_view.foxglove_server import serve_foxglove  # noqa: PLC0415 - websockets is in an extra
+
             return serve_foxglove(path, live=is_live(path), port=port, speed=speed or 1.0)
         source = find_source(path, control)
         sock = bind(port or 0) if listener is None else socket.socket(fileno=listener)

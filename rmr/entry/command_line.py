@@ -25,7 +25,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from rmr import __version__
 from rmr.entry import ExitCode
@@ -209,6 +209,24 @@ class Parser(argparse.ArgumentParser):
         return f"{name}={value}"
 
 
+EXTRAS: Final = {
+    "PIL": ("Pillow", "maps"),
+    "cloudpickle": ("Dask", "cluster"),
+    "cryptography": ("cryptography", "keys"),
+    "distributed": ("Dask", "cluster"),
+    "matplotlib": ("matplotlib", "plot"),
+    "pygls": ("pygls", "editor"),
+    "websockets": ("websockets", "foxglove"),
+}
+"""Module that not every installation has -> its library, and the extra of rmr-robots that brings it."""
+
+
+def remedy(error: ModuleNotFoundError) -> str:
+    """Return which library is missing and what brings it, as one clause; empty where no extra of rmr-robots does."""
+    library, extra = EXTRAS.get((error.name or "").partition(".")[0], ("", ""))
+    return f"{library} is not installed; pip install 'rmr-robots[{extra}]' brings it" if extra else ""
+
+
 class Command(NamedTuple):
     """One command."""
 
@@ -238,6 +256,11 @@ class Command(NamedTuple):
         except CommandLineError as error:
             print(parser.told(error), end="", file=sys.stderr)
             return ExitCode.USAGE
+        except ModuleNotFoundError as error:
+            if not (told := remedy(error)):
+                raise
+            print(f"{name}: {told}", file=sys.stderr)
+            return ExitCode.FAILED
 
 
 class Subcommand(NamedTuple):

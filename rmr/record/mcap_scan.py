@@ -13,8 +13,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import zstandard
-
 from rmr.record.being_written import is_locked
 from rmr.record.mcap_format import (
     CHUNK_HEAD,
@@ -30,6 +28,7 @@ from rmr.record.mcap_format import (
 )
 from rmr.record.mcap_writer import PROFILE
 from rmr.record.run_about import METADATA_NAME, is_intact
+from rmr.record.zstd import ZstdDecompressor, ZstdError, get_frame_info
 
 # ---- the index at the end of a finished file: where its chunks, attachments and metadata stand, and its checksums
 #
@@ -377,11 +376,13 @@ class McapScan:
             raise FormatError("a length that cannot be")
         if chunk.compression == "zstd":
             try:
-                if zstandard.frame_content_size(data) != chunk.size:
+                if get_frame_info(data).decompressed_size != chunk.size:
                     raise FormatError("a length that cannot be")
-                data = zstandard.ZstdDecompressor().decompress(data)  # threads cannot share one
-            except zstandard.ZstdError as error:
+                data = ZstdDecompressor().decompress(data)  # one for each frame
+            except ZstdError as error:
                 raise FormatError(str(error)) from None
+            if len(data) != chunk.size:
+                raise FormatError("a frame that is cut short")
         elif chunk.compression:
             raise FormatError(f"compression {chunk.compression!r:.20}, which rmr does not read")
         if chunk.crc and zlib.crc32(data) != chunk.crc:

@@ -141,7 +141,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.radio": {"cryptography", "numpy"},
     "rmr.bus": {"cryptography", "zenoh", "msgpack"},
     "rmr.mind": {"msgpack"},
-    "rmr.record": {"msgpack", "zstandard"},
+    "rmr.record": {"backports", "compression", "msgpack"},
     "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
     "rmr_ros": {
@@ -158,7 +158,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_sim": {"rich", "numpy", "pytest"},
     "rmr_deploy": {"rich", "yaml"},  # yaml: what it exports for compose
     "rmr_editor": {"lsprotocol", "pygls", "pygments"},
-    "rmr_view": {"pydantic", "matplotlib", "PIL", "starlette", "uvicorn", "websockets"},
+    "rmr_view": {"pydantic", "matplotlib", "starlette", "uvicorn", "websockets"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
 
@@ -289,7 +289,7 @@ def test_one_simulated_run_loads_nothing_that_only_other_runs_need():
         "rmr.bus.wire",
         "rmr.columns",
         *("asyncio", "zenoh", "multiprocessing", "subprocess", "ssl"),
-        *("lark", "rich", "PIL", "matplotlib", "zstandard", "cryptography"),
+        *("lark", "rich", "PIL", "matplotlib", "backports", "cryptography"),
         "difflib",
     )
     assert sorted(name for name in loaded if name.startswith(unwanted)) == []

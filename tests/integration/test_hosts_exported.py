@@ -29,10 +29,12 @@ ROOT = Path(__file__).parents[2]
 
 def missing_in_the_image():
     """Return the modules of packages that RMR depends on, and the image of robots does not have."""
-    install = re.search("pip install .*versions.txt (cryptography .*)", (ROOT / "deploy" / "Dockerfile").read_text())
-    depends = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
-    there = set(install[1].split())
-    names = {re.match("[A-Za-z0-9-]+", each)[0].lower() for each in depends}
+    image = (ROOT / "deploy" / "Dockerfile").read_text()
+    install = re.search("pip install .*versions.txt (.*) eclipse-zenoh (.*)", image)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    depends = project["dependencies"] + project["optional-dependencies"]["keys"]
+    there = {"eclipse-zenoh", *install[1].split(), *install[2].split()}
+    names = {re.match("[A-Za-z0-9.-]+", each)[0].lower() for each in depends}
     assert there < names
     found = packages_distributions().items()
     return sorted(module for module, of in found if {each.lower() for each in of} & (names - there))
@@ -78,7 +80,7 @@ def test_the_units_of_three_hosts_make_one_lab(tmp_path, network):
     }
     stage = Stage(tmp_path)
     missing = missing_in_the_image()
-    assert {"numpy", "pydantic", "pymunk", "PIL", "starlette"} <= set(missing)
+    assert {"numpy", "pydantic", "pymunk", "starlette"} <= set(missing)
     (tmp_path / "image").mkdir()
     barred = f"import sys\nsys.modules |= dict.fromkeys({missing})\n"
     (tmp_path / "image" / "sitecustomize.py").write_text(barred)

@@ -275,7 +275,7 @@ def test_what_to_install_is_said(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cluster_pool, "import_module", missing)
     words = ["corridor", "--robots", "2", "--seeds", "1-2", "--run", str(tmp_path / "run"), "--on", "tcp://127.0.0.1:9"]
     assert code_of(words) == 1
-    said = "rmr sim: --on needs Dask, and distributed is not installed: pip install 'rmr-robots[cluster]' brings it\n"
+    said = "rmr sim: --on: Dask is not installed; pip install 'rmr-robots[cluster]' brings it\n"
     assert capsys.readouterr().err == said
 
 

@@ -266,6 +266,33 @@ def test_a_package_that_is_not_installed_is_named(capsys):
     assert capsys.readouterr().err.startswith("rmr sim: rmr_absent is not installed")
 
 
+@pytest.mark.parametrize(
+    ("module", "words", "told"),
+    [
+        ("pygls", ["lsp"], "rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it"),
+        (
+            "cryptography",
+            ["keys", "init", "ca"],
+            "cryptography is not installed; pip install 'rmr-robots[keys]' brings it",
+        ),
+    ],
+)
+def test_a_library_of_an_extra_that_is_not_installed_is_told(module, words, told, tmp_path):
+    code = f"import sys; sys.modules[{module!r}] = None; from rmr.cli import main; main()"
+    result = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path,
+        stdin=subprocess.PIPE,
+        text=True,
+        check=False,
+        capture_output=True,
+    )
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.endswith(told + "\n")
+    assert result.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
 def test_rmrc_is_rmr_compile(program, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["rmrc", str(program(GOOD))])
     with pytest.raises(SystemExit) as ended:

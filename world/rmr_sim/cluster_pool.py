@@ -21,6 +21,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 from uuid import uuid4
 
+from rmr.entry.command_line import remedy
 from rmr_sim.interruption import LOOK_S, Interruption, PoolError, PoolLostError
 from rmr_sim.sweep_rows import differences, versions
 
@@ -56,7 +57,7 @@ class ClusterPool(Generic[Task, Outcome]):
             distributed: Any = import_module("distributed")
             cloudpickle: Any = import_module("cloudpickle")
         except ModuleNotFoundError as error:
-            raise PoolError(f"--on needs Dask, and {error.name} is not installed: {INSTALL} brings it") from None
+            raise PoolError(f"--on: {remedy(error)}") from None
         for name in ("distributed", *logging.root.manager.loggerDict):  # what befalls the cluster is said here, once
             if name.startswith("distributed"):
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)

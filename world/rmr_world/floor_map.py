@@ -9,13 +9,16 @@ pixels too, is blocked: no robot can go there. The lower left corner of the imag
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
+from rmr.entry.command_line import remedy
 from rmr_world.document import read
 from rmr_world.finding import LabError
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1, metres."""
@@ -150,6 +153,10 @@ def _run(cells: np.ndarray) -> int:
 def _pixels(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return grey (0 is black, 255 white) and opacity (bool) of each pixel, the lowest row first. Raises MapError."""
     try:
+        from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - not in every installation
+    except ModuleNotFoundError as error:
+        raise MapError(f"{path.name} is an image: {remedy(error)}") from None
+    try:
         with Image.open(path) as image:
             if image.width * image.height > PIXELS_MAX:
                 raise MapError(f"{path.name} has {image.width} x {image.height} pixels, more than {PIXELS_MAX}")
@@ -164,13 +171,13 @@ def _pixels(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return grey[::-1], opaque[::-1]
 
 
-def _shallow(image: Image.Image) -> tuple[np.ndarray, np.ndarray]:
+def _shallow(image: "Image.Image") -> tuple[np.ndarray, np.ndarray]:
     """Return grey and opacity of an image of up to 8 bits a channel."""
     colours = image.convert("RGBA")
     return np.asarray(colours.convert("RGB").convert("L")), np.asarray(colours)[..., 3] == OPAQUE
 
 
-def _deep(path: Path, image: Image.Image) -> tuple[np.ndarray, np.ndarray]:
+def _deep(path: Path, image: "Image.Image") -> tuple[np.ndarray, np.ndarray]:
     """Return grey and opacity of an image of one channel of more than 8 bits, scaled to 8. Raises MapError."""
     cells = np.asarray(image, dtype=np.float64)
     tags = getattr(image, "tag_v2", {})

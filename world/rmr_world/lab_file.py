@@ -8,8 +8,10 @@ server does not read it: it publishes the security level only, for the bus is cl
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
+from rmr.entry.command_line import remedy
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr.radio.security import UNSECURED
 from rmr_world.document import Plain, read
@@ -78,12 +80,16 @@ def files_of(lab: Lab) -> Iterator[tuple[FilePath, Path]]:
 def radio_key(lab: Lab) -> bytes | None:
     """Return the key that secures the lab's radio; None if the radio is open.
 
-    Raises LabError when the lab names no key file, or one that holds no key.
+    Raises LabError when the lab names no key file, or one that holds no key, and where no library can use it.
     """
     if lab.radio.security == UNSECURED:
         return None
     if lab.key_file is None:
         raise _wrong(lab, "security", f"{lab.radio.security} needs a key: name its file in radio.key_file")
+    try:
+        import_module("cryptography")
+    except ModuleNotFoundError as error:
+        raise _wrong(lab, "security", f"{lab.radio.security} needs a library: {remedy(error)}") from None
     try:
         return read_key(lab.key_file)
     except KeyFileError as error:

@@ -44,14 +44,14 @@ def by_name():
 
 
 def test_each_library_and_each_extra_has_its_use(installed):
-    assert set(USES) == {re.match(r"[\w-]+", each)[0].lower() for each in PROJECT["dependencies"]}
+    assert set(USES) == {re.match(r"[\w.-]+", each)[0].lower() for each in PROJECT["dependencies"]}
     assert set(EXTRAS) == set(PROJECT["optional-dependencies"])
 
 
 def test_a_machine_with_everything_lacks_nothing(installed):
     answer = invoke(command)
     assert (answer.exit_code, answer.stderr) == (0, "")
-    assert "ok       libraries   all 14; eclipse-zenoh 99\n" in answer.stdout
+    assert "ok       libraries   all 12; eclipse-zenoh 99\n" in answer.stdout
     assert answer.stdout.endswith(f"rmr-robots {__version__}: nothing missing that commands need\n")
 
 
@@ -80,7 +80,7 @@ def test_a_wheel_is_asked_for_the_extras_of_users_alone(installed, monkeypatch, 
     installed |= {"pygls": None, "pytest": None}
     found = by_name()
     assert found["editor"].mend == "pip install 'rmr-robots[editor]'"
-    assert {"cluster", "editor", "plot", "ros2"} == found.keys() & EXTRAS.keys()
+    assert {"cluster", "editor", "foxglove", "keys", "maps", "plot", "ros2"} == found.keys() & EXTRAS.keys()
 
 
 def test_a_tree_that_is_not_installed_says_so(monkeypatch):

@@ -3,6 +3,7 @@
 import os
 import shutil
 import stat
+import sys
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,14 @@ def test_a_secured_lab_without_its_key_is_refused_before_anything_starts(tmp_pat
         make_plan(RunOptions(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
     assert refusal.value.exit_code == ExitCode.INVALID
     assert not (tmp_path / "run").exists()
+
+
+def test_a_secured_lab_without_the_library_of_its_ciphers_is_refused_before_anything_starts(tmp_path, monkeypatch):
+    lab = secured(tmp_path, "{key_file: lab.key}")
+    (lab / "lab.key").write_text("00112233445566778899aabbccddeeff")
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(RunRefusedError, match=r"cryptography is not installed; pip install 'rmr-robots\[keys\]'"):
+        make_plan(RunOptions(lab=lab, folder=tmp_path / "run"), color=False)
 
 
 def test_run_folder_is_closed_to_other_users_even_one_that_was_open(tmp_path):

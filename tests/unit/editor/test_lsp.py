@@ -187,14 +187,6 @@ def test_a_person_who_starts_it_is_told_what_it_is_for():
     assert result.stderr == "rmr lsp: an editor starts this command, with pipes as its stdin and stdout\n"
 
 
-def test_without_pygls_it_says_what_to_install():
-    code = "import sys; sys.modules['pygls'] = None; from rmr.cli import main; main()"
-    words = [sys.executable, "-c", code, "lsp"]
-    result = subprocess.run(words, stdin=subprocess.PIPE, capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr == "rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it\n"
-
-
 # ---- broken messages
 
 

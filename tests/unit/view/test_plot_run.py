@@ -1,7 +1,5 @@
 """`rmr plot RUN`: pictures and animation of a recorded run, and what is said of runs that cannot be drawn."""
 
-import builtins
-import io
 import json
 import math
 import re
@@ -18,7 +16,6 @@ from rmr.record.recording import Message
 from rmr.record.run_about import about_run
 from rmr_sim.main import main as sim_main
 from rmr_view.animation import HOLD_S, OCTETS_MAX, Keyframes, animation
-from rmr_view.gif_film import film_of
 from rmr_view.plot import main
 from rmr_view.run_data import POSES_MAX, RunData, Track, read_run
 from rmr_view.run_pictures import JOBS_MAX, PICTURES, lateness, radio, trajectories, turns
@@ -108,27 +105,6 @@ def test_animation_in_the_readme_is_what_the_command_makes_today(run, tmp_path):
     assert len(made) < OCTETS_MAX
 
 
-def test_animation_as_gif(run, tmp_path):
-    image = pytest.importorskip("PIL.Image")
-    path = tmp_path / "deep" / "corridor.GIF"
-    assert main([str(run), "--animate", str(path), "--speed", "20"]) == 0
-    with image.open(io.BytesIO(path.read_bytes())) as film:
-        assert film.n_frames > 5
-
-
-def test_gif_without_pillow_is_refused_with_the_remedy(run, tmp_path, monkeypatch, capsys):
-    real = builtins.__import__
-
-    def absent(name, *rest, **more):
-        if name == "rmr_view.gif_film":
-            raise ModuleNotFoundError("No module named 'PIL'", name="PIL")
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", absent)
-    assert main([str(run), "--animate", str(tmp_path / "x.gif")]) == 1
-    assert "pip install 'rmr-robots[plot]'" in capsys.readouterr().err
-
-
 def test_animation_takes_a_speed(run, tmp_path):
     for speed in ("1", "4"):
         assert main([str(run), "--animate", str(tmp_path / f"{speed}.svg"), "--speed", speed]) == 0
@@ -143,7 +119,7 @@ def test_animation_takes_a_speed(run, tmp_path):
         (["lost.mcap"], 2, "lost.mcap: no such file or folder"),
         (["{empty}"], 3, "no recording of a run"),
         (["{broken}"], 3, "broken.mcap"),
-        (["{run}", "--animate", "x.png"], 2, "name a file that ends in .svg or .gif"),
+        (["{run}", "--animate", "x.png"], 2, "name a file that ends in .svg"),
         (["{run}", "{empty}"], 2, "name one RUN"),
         (["{run}", "figure14"], 2, "name one RUN"),
         (["figure14", "--animate", "x.svg"], 2, "name one RUN"),
@@ -203,7 +179,7 @@ def test_names_are_escaped_and_colours_have_a_dark_form(floor):
         assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
-@pytest.mark.parametrize("picture", [*PICTURES.values(), animation, lambda data: film_of(data).hex()])
+@pytest.mark.parametrize("picture", [*PICTURES.values(), animation])
 def test_run_without_jobs_turns_or_frames_is_drawn(floor, picture):
     assert picture(drawn(floor))
     assert picture(drawn(floor, moved(0.0, 1, 0.2, 0.2)))

@@ -1,5 +1,6 @@
 """A floor from an image or the map of a ROS map server: dark is blocked, and what is wrong is told with its place."""
 
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -269,6 +270,14 @@ def test_mistake_in_a_map_is_told_at_the_key_that_names_it(tmp_path, old, new, w
     (tmp_path / "map.yaml").write_text(ROS.replace(old, new))
     (complaint,) = complaints(tmp_path, f"{ROOM}map: map.yaml\n")
     assert complaint.startswith(f"6:6: map: {why}")
+
+
+def test_an_image_without_a_library_that_reads_it_is_told_at_the_key_that_names_it(tmp_path, monkeypatch):
+    draw(tmp_path / "floor.png", walled())
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    (complaint,) = complaints(tmp_path, f"{ROOM}map: floor.png\n")
+    what = "map: floor.png is an image: Pillow is not installed; pip install 'rmr-robots[maps]' brings it"
+    assert complaint.startswith(f"6:6: {what}")
 
 
 def test_arena_of_another_size_is_told_the_size_of_the_map(tmp_path):

@@ -224,8 +224,7 @@ class LabDraft:
         name = self.spec.map
         if name is None or "arena" in self.cut:
             return []
-        # The imaging library doubles the start-up time of a lab without a map.
-        from rmr_world.floor_map import MapError, boxes, read_map  # noqa: PLC0415
+        from rmr_world.floor_map import MapError, boxes, read_map  # noqa: PLC0415 - few labs have a map
 
         width, height = self.spec.arena.size
         try:
