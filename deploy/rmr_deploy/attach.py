@@ -13,8 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from rmr.base.ids import named
 from rmr.bus import wire
 from rmr.bus.admission import why_no_session
@@ -25,13 +23,14 @@ from rmr.bus.secret import SecretError
 from rmr.bus.session import open_when_there
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
+from rmr.entry.terminal import has_colour
 from rmr_deploy.lab_run import make_report
 from rmr_deploy.preparation import RunPlan, RunRefusedError, read_lab, read_program
 from rmr_deploy.run_choice import FleetError
 from rmr_deploy.run_end import judged_end
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
-from rmr_deploy.screen import RobotLine, Screen, make_screen, table
+from rmr_deploy.screen import RobotLine, Screen, make_screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.lab import Lab
@@ -63,7 +62,7 @@ def attach(options: AttachOptions) -> int:
     try:
         check_endpoint(options.connect)
         lab = read_lab(options.lab, None)
-        plan = RunPlan(RunOptions(lab=options.lab), lab, read_program(lab, color=sys.stderr.isatty()), Path())
+        plan = RunPlan(RunOptions(lab=options.lab), lab, read_program(lab, color=has_colour(sys.stderr)), Path())
         return asyncio.run(_watched(plan, options))
     except RunRefusedError as refusal:
         raise FleetError(str(refusal).rstrip("\n"), refusal.exit_code) from None
@@ -93,8 +92,8 @@ async def _watched(plan: RunPlan, options: AttachOptions) -> int:
     outcome.wall_s = time.monotonic() - began
     record = make_report(plan, outcome, monitor)
     monitor.close()
-    Console(stderr=options.as_json, highlight=False).print(table(record))
-    print(f"{run_report.summary(record)}\n{outcome.reason}", file=sys.stderr if options.as_json else sys.stdout)
+    stream = sys.stderr if options.as_json else sys.stdout
+    print(f"{run_report.table_text(record, color=has_colour(stream))}\n{outcome.reason}", file=stream)
     if options.as_json:
         print(run_report.to_json(record), end="")
     if not outcome.finished:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rmr.entry import ExitCode, run
+from rmr.entry.terminal import has_colour
 
 if TYPE_CHECKING:
     from rmr.entry.command_line import Command, Parser
@@ -118,7 +119,7 @@ def _export(engine: str, lab: Path, hosts: Path | None, output: Path, opened: bo
     try:
         found = read_lab(lab, None)
         shares = found.hosts if hosts is None else read_hosts(hosts, found)
-        octets = read_program(found, color=sys.stderr.isatty()).octets
+        octets = read_program(found, color=has_colour(sys.stderr)).octets
     except (LabError, RunRefusedError) as error:
         print(str(error).rstrip("\n"), file=sys.stderr)
         return ExitCode.INVALID

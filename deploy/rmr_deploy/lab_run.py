@@ -16,11 +16,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rich.console import Console
-
 from rmr.base.ids import named
 from rmr.base.time import seconds
 from rmr.entry import ExitCode
+from rmr.entry.terminal import has_colour
 from rmr.record.joining import join_run
 from rmr.record.mcap_scan import RecordingError
 from rmr.record.record_writer import RecordWriter
@@ -32,7 +31,7 @@ from rmr_deploy.launch import LabRun
 from rmr_deploy.preparation import RunPlan, RunRefusedError, make_plan
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome
-from rmr_deploy.screen import make_screen, table
+from rmr_deploy.screen import make_screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.faults import process_run_faults
@@ -45,7 +44,7 @@ from rmr_world.run_warnings import missed_hint, run_warnings, unhandled_failures
 def perform(options: RunOptions, background: DetachedOutput | None = None) -> int:
     """Run a lab as `options` say, perhaps in the `background`; return the exit code."""
     try:
-        plan = make_plan(options, color=sys.stderr.isatty())
+        plan = make_plan(options, color=has_colour(sys.stderr))
     except RunRefusedError as refusal:
         print(str(refusal).rstrip("\n"), file=sys.stderr)
         return refusal.exit_code
@@ -141,9 +140,10 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
     if outcome.report_error is not None:
         print(f"rmr up: {outcome.report_error}", file=sys.stderr)
         where = "there is no report"
-    Console(stderr=as_json, highlight=False).print(table(record))
+    stream = sys.stderr if as_json else sys.stdout
     who = "" if plan.has_world or plan.share is None else f"host {plan.share.here.name}, {named(plan.robots)}; lab "
-    print(f"{who}{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
+    print(run_report.table_text(record, who, color=has_colour(stream)), file=stream)
+    print(f"{outcome.reason}; {where}", file=stream)
     recorded = not plan.options.no_record and plan.share is None
     hint = [] if not recorded else missed_hint(record, plan.options.record or plan.folder)
     for line in (*run_warnings(record), *(f"recording: {problem}" for problem in outcome.recording), *hint):
@@ -151,9 +151,9 @@ def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
     if as_json:
         print(run_report.to_json(record), end="")
     if plan.share is not None and plan.has_world and not plan.options.no_record:
-        print(join_hint(plan, outcome), file=sys.stderr if as_json else sys.stdout)
+        print(join_hint(plan, outcome), file=stream)
     if recorded:
-        print(view_hint(plan.options.record or plan.folder), file=sys.stderr if as_json else sys.stdout)
+        print(view_hint(plan.options.record or plan.folder), file=stream)
 
 
 def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -> int:

@@ -1,4 +1,4 @@
-"""The display of a run: progress while it goes on, and the table at its end.
+"""The display of a run while it goes on; `rmr_world.run_report` has the table at its end.
 
 On a terminal there is one line per robot, updated in place. Elsewhere a plain line is written when a robot's state or
 activity changes; a change of measured values alone writes none, so that a log file stays short. With `--json` all of
@@ -8,26 +8,19 @@ run continues without display and writes its report.
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TextIO
 
-from rich.console import Console, Group
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
-
-from rmr.base.printable import printable
+from rmr.base.printable import Paint, printable
+from rmr.entry.terminal import LiveLines, has_colour, moves_cursor
 from rmr_world.quorum import DIED
-from rmr_world.run_report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
 """Measured values such as seconds and metres, which are left out when two lines are compared."""
 
 COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", DIED: "bold red"}
 """Colour of each state: those that robots publish, and the fate that the launcher adds."""
-
-MET_COLOURS = {True: "green", False: "bold red", None: ""}
 
 
 class RobotLine(NamedTuple):
@@ -55,49 +48,45 @@ class Screen(Protocol):
         """End the progress display; messages can still be written."""
 
 
-class Unread(Console):
-    """A console that raises BrokenPipeError where rich would end the process."""
-
-    def on_broken_pipe(self) -> None:
-        """Raise it, for the screen to handle."""
-        raise BrokenPipeError
-
-
 def make_screen(*, json: bool) -> Screen:
     """Return the screen for standard output, or for standard error when that is kept for JSON."""
-    console = Unread(stderr=json, highlight=False, soft_wrap=not (sys.stderr if json else sys.stdout).isatty())
-    return LiveScreen(console) if console.is_terminal else PlainScreen(console)
+    stream = sys.stderr if json else sys.stdout
+    return LiveScreen(stream) if moves_cursor(stream) else PlainScreen(stream)
 
 
 class LiveScreen:
     """One line per robot on a terminal, redrawn in place."""
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
-        self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._live.start()
+    def __init__(self, stream: TextIO) -> None:
+        self._paint = Paint(has_colour(stream))
+        self._live = LiveLines(stream).begin()
 
     def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Redraw."""
-        with suppress(OSError):  # a terminal that is gone
-            self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
+        done = sum(line.state == "finished" for line in lines)
+        time = "starting" if lab_s is None else f"{lab_s:.1f} s"
+        head = self._paint("bold", f"{time}, {done} of {len(lines)} finished")
+        self._live.show([head, *map(self._drawn, lines)])
 
     def say(self, message: str) -> None:
         """Write `message` above the lines."""
-        with suppress(OSError):
-            self._live.console.print(Text(printable(message)))
+        self._live.write(f"{printable(message)}\n")
 
     def close(self) -> None:
         """Take the lines away; the table follows."""
-        with suppress(OSError):
-            self._live.stop()
+        self._live.close()
+
+    def _drawn(self, line: RobotLine) -> str:
+        on = f"on {line.host:<4} " if line.host else ""
+        state = self._paint(COLOURS.get(line.state, ""), f"{line.state:<9} ")
+        return f"robot {line.robot:<4}{on}{state}{printable(line.progress)}"
 
 
 class PlainScreen:
     """A line of text for each change of a robot's state or activity."""
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
         self._shown: dict[int, tuple[str, str]] = {}
 
     def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
@@ -113,33 +102,7 @@ class PlainScreen:
     def say(self, message: str) -> None:
         """Write `message`; an output that cannot be written is ignored."""
         with suppress(OSError):  # reported at the end of the command
-            self.console.print(Text(printable(message)))
+            print(printable(message), file=self._stream, flush=True)
 
     def close(self) -> None:
         """Do nothing: what is written is written."""
-
-
-def _head(lab_s: float | None, lines: Sequence[RobotLine]) -> Text:
-    done = sum(line.state == "finished" for line in lines)
-    time = "starting" if lab_s is None else f"{lab_s:.1f} s"
-    return Text(f"{time}, {done} of {len(lines)} finished", style="bold", no_wrap=True)
-
-
-def _drawn(line: RobotLine) -> Text:
-    on = f"on {line.host:<4} " if line.host else ""
-    text = Text(f"robot {line.robot:<4}{on}", no_wrap=True, overflow="ellipsis")
-    return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
-
-
-def table(report: Mapping[str, Any]) -> Table:
-    """Return the table of a report: robot, deadline, finish, lateness, met; the job where a robot has several."""
-    drawn = Table(box=None, pad_edge=False, header_style="bold")
-    for name in COLUMNS:
-        drawn.add_column(name, justify="right")
-    several = several_jobs(report)
-    if several:
-        drawn.add_column("job")
-    for row in rows(report):
-        *cells, met = row.cells()
-        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]), *([Text(printable(row.job))] if several else []))
-    return drawn

@@ -1,13 +1,13 @@
 """Output of the subcommands that read programs: diagnostics for people or as JSON, and the exit code."""
 # ruff: noqa: PLC0415 - the compiler is imported when there is something to say
 
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rmr.base.printable import counted
 from rmr.entry import ExitCode
+from rmr.entry.terminal import has_colour
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
@@ -31,7 +31,7 @@ def show_found(found: Sequence[Found]) -> None:
     from rmr.lang.diagnostics.diagnostic import Severity
     from rmr.lang.diagnostics.render import render_text
 
-    color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    color = has_colour(sys.stderr)
     for diagnostics, sources in found:
         print(render_text(diagnostics, sources, color), end="", file=sys.stderr)
     errors = [each for each in every if each.severity is Severity.ERROR]

@@ -1,14 +1,10 @@
 """`rmr explain`: the page of a diagnostic code, or the list of all codes."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
-import os
 import sys
 
 from rmr.entry import print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean
-
-COLUMNS_MAX = 100
-"""Widest text, in columns: longer lines are hard to read even on a wide terminal."""
 
 
 def _declare(parser: Parser) -> None:
@@ -57,14 +53,9 @@ def _known(code: str) -> str:
 
 
 def _show(text: str) -> None:
-    from rmr.lang.pages import plain, without_links
+    from rmr.base.printable import Paint
+    from rmr.entry.terminal import has_colour, text_columns
+    from rmr.lang.pages import laid_out, plain
 
-    if not sys.stdout.isatty():
-        print(plain(text), end="")
-        return
-    from rich.console import Console
-    from rich.markdown import Markdown
-
-    console = Console(no_color="NO_COLOR" in os.environ)
-    width = min(console.width, COLUMNS_MAX)
-    console.print(Markdown(without_links(text), code_theme="ansi_dark"), width=width)
+    on_terminal = sys.stdout.isatty()
+    print(laid_out(text, text_columns(), Paint(has_colour(sys.stdout))) if on_terminal else plain(text), end="")

@@ -30,6 +30,7 @@ from typing import Any, Final, NamedTuple, Protocol
 from rmr import __version__
 from rmr.entry import ExitCode
 from rmr.entry.completion import VARIABLE, DeclaredWords, complete
+from rmr.entry.terminal import text_columns
 
 DIGITS_MAX = 18
 """Digits of a whole number at most: what fits 64 bits, and far from where Python refuses to convert."""
@@ -65,7 +66,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, name: str, about: str, epilog: str = "") -> None:
         super().__init__(
             prog=name,
-            formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=_columns() - 2),
+            formatter_class=partial(argparse.RawDescriptionHelpFormatter, width=text_columns() - 2),
             allow_abbrev=False,
         )
         self._about = about
@@ -378,21 +379,10 @@ def _told(read: Read) -> Read:
     return told
 
 
-def _columns() -> int:
-    """Return the columns of the terminal as `shutil` does, which would bring along all that it archives with."""
-    told = os.environ.get("COLUMNS", "")
-    if told.isdecimal() and int(told) > 0:
-        return int(told)
-    try:
-        return os.get_terminal_size(1).columns or 80
-    except OSError:
-        return 80
-
-
 def _wrapped(text: str) -> str:
     """Return `text` with its paragraphs wrapped to the terminal; indented lines and lists of commands stay."""
     import textwrap
 
-    width = min(_columns(), 100) - 2  # longer lines are hard to read
+    width = text_columns() - 2
     paragraphs = text.split("\n\n")
     return "\n\n".join(each if "\n  " in each else textwrap.fill(" ".join(each.split()), width) for each in paragraphs)

@@ -41,7 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
     "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio", "rmr.record"},
     "rmr.record": {"rmr.base"},
-    "rmr.entry": set(),
+    "rmr.entry": {"rmr.base"},
     "rmr.__main__": {"rmr.cli"},
     "rmr.cli": {"rmr.commands", "rmr.entry"},
     "rmr.commands": {
@@ -142,7 +142,6 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.bus": {"cryptography", "zenoh", "msgpack"},
     "rmr.mind": {"msgpack"},
     "rmr.record": {"backports", "compression", "msgpack"},
-    "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy", "PIL"},
     "rmr_ros": {
         "geometry_msgs",
@@ -155,8 +154,8 @@ LIBRARIES: dict[str, set[str]] = {
         "tf2_msgs",
         "visualization_msgs",
     },
-    "rmr_sim": {"rich", "numpy", "pytest"},
-    "rmr_deploy": {"rich", "yaml"},  # yaml: what it exports for compose
+    "rmr_sim": {"numpy", "pytest"},
+    "rmr_deploy": {"yaml"},  # yaml: what it exports for compose
     "rmr_editor": {"lsprotocol", "pygls", "pygments"},
     "rmr_view": {"pydantic", "matplotlib", "starlette", "uvicorn", "websockets"},
 }
@@ -180,7 +179,6 @@ HEAVY = (
     "lark",
     "pydantic",
     "yaml",
-    "rich",
     "pymunk",
     "numpy",
     "PIL",
@@ -289,7 +287,7 @@ def test_one_simulated_run_loads_nothing_that_only_other_runs_need():
         "rmr.bus.wire",
         "rmr.columns",
         *("asyncio", "zenoh", "multiprocessing", "subprocess", "ssl"),
-        *("lark", "rich", "PIL", "matplotlib", "backports", "cryptography"),
+        *("lark", "PIL", "matplotlib", "backports", "cryptography"),
         "difflib",
     )
     assert sorted(name for name in loaded if name.startswith(unwanted)) == []

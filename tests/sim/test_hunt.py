@@ -1,6 +1,8 @@
 """The hunt: lineage of a run, fault lists from it, the search for one that breaks a property, and its reduction."""
 
+import io
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -304,6 +306,20 @@ def test_lab_that_does_not_finish_without_any_fault_is_found_as_that(tmp_path, c
     assert main([str(lab), "--hunt", "--runs", "5", "--jobs", "1", "--run", str(tmp_path / "run")]) == 1
     assert "1. unfinished at 2.000 s of seed 0: not finished: robot 1" in capsys.readouterr().out
     assert load_lab(tmp_path / "run" / "found-1.yaml").faults == ()
+
+
+def test_on_a_terminal_a_finding_stands_above_the_line_of_progress(tmp_path, monkeypatch):
+    lab = tiny(tmp_path, "type done(robot).\n")
+    shown = io.StringIO()
+    shown.isatty = lambda: True
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stdout", shown)
+    monkeypatch.setattr(sys, "stderr", shown)
+    assert main([str(lab), "--hunt", "--runs", "5", "--jobs", "1", "--run", str(tmp_path / "run")]) == 1
+    told = shown.getvalue()
+    assert "\r\x1b[J1. unfinished at " in told
+    assert told.index("\x1b[?25l") < told.index("1. unfinished at ") < told.index("\x1b[?25h")
+    assert sys.stdout is sys.stderr is shown
 
 
 def test_file_that_repeats_a_finding_keeps_the_faults_of_the_lab_and_finds_its_files(tmp_path):

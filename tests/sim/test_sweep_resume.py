@@ -1,13 +1,16 @@
 """Rows of a sweep as they come, `--resume`, run folders that go away, and progress without a terminal."""
 
+import io
 import json
+import re
 import shutil
+import sys
 
 import pytest
 from test_command import tiny
 from test_sweep import DONE, NEVER, row, swept
 
-from rmr_sim import seed_run
+from rmr_sim import seed_run, sweep
 from rmr_sim.main import main
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import ProgressLines
@@ -138,6 +141,26 @@ def test_a_sweep_with_a_contact_ends_with_exit_code_1(tmp_path, monkeypatch):
     monkeypatch.setattr(seed_run, "row_of", lambda report: row(report["seed"], collisions=report["seed"] == 2))
     assert swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "1")[0] == 1
     assert swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "1", "--strict", name="strict")[0] == 1
+
+
+def test_progress_on_a_terminal_is_a_line_that_is_taken_away_and_what_is_printed_goes_above(tmp_path, monkeypatch):
+    def kept(_, folder):
+        raise OSError(28, "No space left on device", str(folder))
+
+    shown = io.StringIO()
+    shown.isatty = lambda: True
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setattr(sweep, "keep", kept)
+    swept(tmp_path, NEVER, "--seeds", "1-2", "--jobs", "1")
+    begin, message, first, second, end = re.sub(r"\d+ s\b", "N s", shown.getvalue()).split("\r\x1b[J")
+    assert begin.endswith(f"\x1b[?25l0/2 runs, N s [{' ' * 40}]")
+    assert message.startswith("rmr sim: cannot write ")
+    assert message.endswith(f"no further seed that fails is kept\n\x1b[?25l0/2 runs, N s [{' ' * 40}]")
+    assert re.fullmatch(r"\x1b\[\?25l1/2 runs, 1 failed, N s, about N s left \[#{17,19} {17,19}\]", first)
+    assert re.fullmatch(r"\x1b\[\?25l2/2 runs, 2 failed, N s, about N s left \[#{34,38}\]", second)
+    assert end.startswith("\x1b[?25h2 of 2 runs in ")
+    assert sys.stderr is shown
 
 
 def test_progress_without_a_terminal_is_printed_at_growing_intervals():

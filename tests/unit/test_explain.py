@@ -9,9 +9,10 @@ import sys
 import pytest
 from command_runner import invoke
 
+from rmr.base.printable import Paint
 from rmr.commands import subcommands
 from rmr.lang.diagnostics.diagnostic import CODES
-from rmr.lang.pages import page
+from rmr.lang.pages import laid_out, page, plain
 
 
 def explain(*arguments):
@@ -41,9 +42,20 @@ def test_on_a_terminal_it_is_laid_out_and_coloured():
     os.close(reader)
     assert process.returncode == 0
     assert "\x1b[" in shown
-    assert 'say(R, "hello")' not in shown  # the words of an example have their colours
-    assert 'say(R, "hello")' in re.sub(r"\x1b\[[0-9;]*m", "", shown)
+    assert '\x1b[36m    start(R), say(R, "hello") -o 1.\x1b[0m\r\n' in shown
+    assert "\x1b[1mWHY\x1b[0m\r\n" in shown
+    assert "(\x1b[36mtype unordered sensor\x1b[0m)" in shown
     assert "](" not in shown
+
+
+@pytest.mark.parametrize("columns", [40, 100])
+def test_laid_out_each_page_has_its_words_within_the_width(columns):
+    for code in CODES:
+        shown = laid_out(page(code), columns, Paint(False))
+        assert shown.split() == plain(page(code)).split()
+        assert [line for line in shown.split("\n") if len(line) > columns and line[:4].strip() and " " in line] == []
+        coloured = re.sub(r"\x1b\[[0-9;]*m", "", laid_out(page(code), columns, Paint(True)))
+        assert coloured.replace("`", "") == shown.replace("`", "")
 
 
 def test_small_letters_do_as_well():

@@ -8,7 +8,6 @@ A file of actions or events is a Python file: what it registers is known when it
 is said before it is done, for a lab may come from elsewhere, and can be declined.
 """
 
-import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,6 +18,7 @@ from typing import Any
 
 from rmr.bytecode.program import Kind, Program
 from rmr.entry import ExitCode, print_json
+from rmr.entry.terminal import has_colour
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.diagnostic import Diagnostic
 from rmr.lang.diagnostics.render import render_text, to_json
@@ -269,7 +269,7 @@ def _explained(found: Sequence[CheckResult]) -> list[ExplainedLab]:
 
 
 def _show(found: Sequence[CheckResult]) -> None:
-    color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    color = has_colour(sys.stderr)
     for each in found:
         print(each.text(color), end="", file=sys.stderr)
     severities = [severity for each in found for severity in each.severities]

@@ -20,6 +20,7 @@ from rmr.base.time import in_seconds
 from rmr.coord.timing import Order
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
+from rmr.entry.terminal import has_colour
 from rmr.node.actions.dispatcher import INTERRUPTED
 from rmr.node.trace import TraceLevel
 from rmr_sim.event import EventError
@@ -164,7 +165,7 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
         warnings += missed_hint(report, arguments.record or folder) if failed is None else [failed]
     for line in warnings:
         print(line, file=sys.stderr)
-    print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
+    print(to_json(report).rstrip() if arguments.json else table_text(report, color=has_colour(out)), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
     took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
     for line in unwritten:

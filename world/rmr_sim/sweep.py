@@ -19,6 +19,7 @@ from shutil import rmtree
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rmr.entry import JSON_VERSION, ExitCode
+from rmr.entry.terminal import LiveLines, moves_cursor, size
 from rmr_sim.arguments import Shard, cores
 from rmr_sim.interruption import Interruption, PoolLostError
 from rmr_sim.lab_task import LabTask
@@ -265,22 +266,27 @@ def keep(result: Result, folder: Path) -> None:
 def _progress(total: int) -> Iterator[Callable[[bool], None]]:
     """Show the progress of a sweep; yields the function to be called after each run with whether the run failed.
 
-    A terminal gets a progress bar. Other outputs get a line at growing intervals, which keeps a log file short.
+    A terminal gets a line with a bar. Other outputs get a line at growing intervals, which keeps a log file short.
     """
-    if not sys.stderr.isatty():
+    if not moves_cursor(sys.stderr):
         yield ProgressLines(total, time.monotonic, lambda line: print(line, file=sys.stderr, flush=True)).tell
         return
-    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+    began_s = time.monotonic()
+    over = failures = 0
+    with LiveLines(sys.stderr) as live:
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("runs", total=total)
-        failed = 0
+        def draw() -> None:
+            took_s = time.monotonic() - began_s
+            left = f", about {_spell(took_s / over * (total - over))} left" if over else ""
+            text = f"{over}/{total} runs{f', {failures} failed' if failures else ''}, {_spell(took_s)}{left}"
+            room = min(40, size(sys.stderr)[0] - len(text) - 4)
+            live.show([f"{text} [{'#' * (room * over // total):<{room}}]" if room > 4 else text])
 
-        def tell(this_failed: bool) -> None:
-            nonlocal failed
-            failed += this_failed
-            shown.update(task, advance=1, description=f"runs, {failed} failed" if failed else "runs")
+        def tell(failed: bool) -> None:
+            nonlocal over, failures
+            over += 1
+            failures += failed
+            draw()
 
+        draw()
         yield tell

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rmr.base.file_errors import naming
+from rmr.base.printable import Paint, printable
 from rmr.entry import JSON_VERSION
 from rmr_world.bound import FreeTimes, Stream, bound_s, free_times
 from rmr_world.fact_syntax import TermError, parse_fact
@@ -211,11 +212,6 @@ def rows(report: Mapping[str, Any]) -> list[JobRow]:
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
 
 
-def several_jobs(report: Mapping[str, Any]) -> bool:
-    """Return whether a robot had more than one job, so that the table has to say which is which."""
-    return any(len(part["assertions"]) > 1 for part in report["robots"].values())
-
-
 def table_rows(report: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
     """Return the cells of the table, line by line, under COLUMNS."""
     return [row.cells() for row in rows(report)]
@@ -242,16 +238,25 @@ def _fates(report: Mapping[str, Any]) -> dict[int, Fate]:
     return fates | dict.fromkeys(report.get("never_came", ()), NEVER_CAME)
 
 
-def table_text(report: Mapping[str, Any]) -> str:
-    """Return the table and the summary as plain text; missed jobs with several contended steps step by step."""
-    several = several_jobs(report)
+def table_text(report: Mapping[str, Any], who: str = "", *, color: bool = False) -> str:
+    """Return the table and, behind `who`, the summary; missed jobs with several contended steps step by step.
+
+    Where a robot had more than one job the table says which is which.
+    """
+    several = any(len(part["assertions"]) > 1 for part in report["robots"].values())
     lines: list[tuple[tuple[str, str, str, str, str], str]] = [(COLUMNS, "job" if several else "")]
     for row in rows(report):
         lines.append((row.cells(), row.job if several else ""))
         lines += [_step_line(step) for step in row.steps[:8]]
     widths = [max(len(cells[k]) for cells, _ in lines) for k in range(len(COLUMNS))]
-    table = ["  ".join(map(str.rjust, cells, widths)) + f"  {words}" for cells, words in lines]
-    return "\n".join([*(line.rstrip() for line in table), summary(report)])
+    paint = Paint(color)
+    styles = {"yes": "green", "no": "bold red"}
+    table: list[str] = []
+    for cells, words in lines:
+        *others, met = map(str.rjust, cells, widths)
+        line = "  ".join([*others, paint(styles.get(cells[-1], ""), met), printable(words)]).rstrip()
+        table.append(line if table else paint("bold", line))
+    return "\n".join([*table, f"{who}{summary(report)}"])
 
 
 def _step_line(step: Mapping[str, Any]) -> tuple[tuple[str, str, str, str, str], str]:

@@ -7,14 +7,9 @@ line is cut to the part around the place, a long range to its first lines and th
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
+from rmr.base.printable import Paint, columns_of
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Severity
 from rmr.lang.read.source_text import SourceText, Span
-
-_BOLD = "\x1b[1m"
-_RED = "\x1b[31m"
-_YELLOW = "\x1b[33m"
-_BLUE = "\x1b[34m"
-_RESET = "\x1b[0m"
 
 LINE_SHOWN_MAX = 200
 """Largest number of characters shown of a line."""
@@ -31,7 +26,7 @@ def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceT
 
     `sources` are the texts by file name; without one the place is shown as the file alone.
     """
-    return "".join(_one(each, sources, _Paint(color)) for each in diagnostics)
+    return "".join(_one(each, sources, Paint(color)) for each in diagnostics)
 
 
 def to_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText]) -> list[dict[str, object]]:
@@ -56,26 +51,16 @@ def _extent(span: Span, sources: Mapping[str, SourceText]) -> dict[str, object]:
     return {"file": span.file, "line": line, "column": column, "end_line": end_line, "end_column": end_column}
 
 
-class _Paint:
-    """Colours, or none."""
-
-    def __init__(self, color: bool) -> None:
-        self._color = color
-
-    def __call__(self, style: str, text: str) -> str:
-        return f"{style}{text}{_RESET}" if self._color else text
-
-
-def _one(each: Diagnostic, sources: Mapping[str, SourceText], paint: _Paint) -> str:
-    style = _RED if each.severity is Severity.ERROR else _YELLOW
-    head = paint(_BOLD + style, f"{each.severity.value}[{each.code}]")
+def _one(each: Diagnostic, sources: Mapping[str, SourceText], paint: Paint) -> str:
+    style = "red" if each.severity is Severity.ERROR else "yellow"
+    head = paint(f"bold {style}", f"{each.severity.value}[{each.code}]")
     lines = [f"{_place(each.span, sources)}: {head}: {visible(each.message)}"]
     lines += _excerpt(each.span, sources, lambda width: paint(style, "^" * width))
     for note in each.notes:
-        lines.append(f"{_place(note.span, sources)}: {paint(_BOLD + _BLUE, 'note')}: {visible(note.message)}")
-        lines += _excerpt(note.span, sources, lambda width: paint(_BLUE, "-" * width))
+        lines.append(f"{_place(note.span, sources)}: {paint('bold blue', 'note')}: {visible(note.message)}")
+        lines += _excerpt(note.span, sources, lambda width: paint("blue", "-" * width))
     if each.hint:
-        lines.append(f"  {paint(_BOLD, 'hint')}: {visible(each.hint)}")
+        lines.append(f"  {paint('bold', 'hint')}: {visible(each.hint)}")
     return "\n".join(lines) + "\n"
 
 
@@ -125,7 +110,7 @@ def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int
     gutter = f"{number:>5} | "
     yield gutter + before + inside + after
     if inside or span.start >= offset:
-        yield " " * (len(gutter) - 2) + "| " + " " * _width(before) + underlined(max(1, _width(inside)))
+        yield " " * (len(gutter) - 2) + "| " + " " * columns_of(before) + underlined(max(1, columns_of(inside)))
 
 
 def visible(text: str) -> str:
@@ -133,12 +118,3 @@ def visible(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else " " if each in "\t\n\r" else "\ufffd" for each in text)
-
-
-def _width(text: str) -> int:
-    """Return the width of `text` in columns."""
-    if text.isascii():
-        return len(text)
-    from unicodedata import combining, east_asian_width  # noqa: PLC0415 - few sources need its tables
-
-    return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)

@@ -7,7 +7,10 @@ block's lines would stand N times in the file.
 """
 
 import re
+import textwrap
 from pathlib import Path
+
+from rmr.base.printable import Paint
 
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 
@@ -36,3 +39,26 @@ def plain(text: str) -> str:
         else:
             lines.append(line.lstrip("# ").upper() if line.startswith("## ") else line.removeprefix("# "))
     return "\n".join(lines) + "\n"
+
+
+def laid_out(text: str, columns: int, paint: Paint) -> str:
+    """Return a page as `plain` does, with paragraphs filled to `columns`; headings are bold and code has a colour."""
+    title, *parts = plain(text).rstrip("\n").split("\n\n")
+    shown = [paint("bold", _filled(title, columns))]
+    for part in parts:
+        if part.isupper():
+            shown.append(paint("bold", part))
+        elif "\n    " in f"\n{part}":
+            shown.append(re.sub("^    .*", lambda line: paint("cyan", line[0]), part, flags=re.MULTILINE))
+        else:
+            items = re.split(r"\n(?=- )", part)
+            filled = "\n".join(_filled(item, columns) for item in items)
+            shown.append(re.sub("`([^`]+)`", lambda code: paint("cyan", code[1]) if paint.color else code[0], filled))
+    return "\n\n".join(shown) + "\n"
+
+
+def _filled(text: str, columns: int) -> str:
+    """Return a paragraph, or an item of a list, filled anew."""
+    indent = "  " if text.startswith("- ") else ""
+    words = " ".join(text.split())
+    return textwrap.fill(words, columns, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 
@@ -136,6 +137,16 @@ def test_the_table_names_the_jobs_where_a_robot_had_several():
     lines = table_text(report_of(robots={1: several, 2: part(2, 14.21666, 26.0)})).splitlines()
     assert lines[0].split() == [*COLUMNS, "job"]
     assert [line.rpartition("  ")[2] for line in lines[1:-1]] == ["at(@2, exit)", "at(@1, exit)", "at(@1, entry)"]
+
+
+def test_on_a_terminal_the_table_has_colours_and_the_same_texts():
+    plain = table_text(report_of(), "host b; lab ")
+    coloured = table_text(report_of(), "host b; lab ", color=True)
+    assert coloured.startswith("\x1b[1mrobot  deadline ")
+    assert "\x1b[32myes\x1b[0m\n" in coloured
+    assert "\x1b[1;31m no\x1b[0m\n" in coloured
+    assert re.sub(r"\x1b\[[\d;]*m", "", coloured) == plain
+    assert plain.splitlines()[-1].startswith("host b; lab corridor: finished after ")
 
 
 def step(text, due, end, late, behind=(), **times):

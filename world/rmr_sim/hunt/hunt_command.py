@@ -7,7 +7,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial, reduce
 from operator import getitem
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from rmr.base.time import NS_PER_S, in_seconds
 from rmr.entry import JSON_VERSION, ExitCode
+from rmr.entry.terminal import LiveLines, moves_cursor
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.hunt.harm import Harm, with_harms
 from rmr_sim.hunt.hunt_names import METHODS
@@ -54,7 +55,7 @@ def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     with (
         Interruption() as interruption,
         _batches(loaded, jobs, arguments.on, interruption) as run_batch,
-        _progress() as tell,
+        _progress() as (tell, live),
     ):
         search = HuntSearch(lab, quarry, run_batch, lambda runs: 0 if interruption.came else budget.left(runs))
         search.told = lambda: tell(_state(search, len(found)))
@@ -65,7 +66,7 @@ def hunt(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
             found.append(finding_entry(lab, finding, command))
             if not arguments.json:
                 lines = finding_lines(lab, number, finding, command, ended=not interruption.came)
-                print("\n".join(lines), file=out, flush=True)
+                print("\n".join(lines), file=live if live and out.isatty() else out, flush=True)
             _write(file, lab_text(lab, finding, folder))
             if len(found) >= arguments.findings:
                 break
@@ -177,13 +178,16 @@ def _state(search: HuntSearch, found: int) -> str:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """Show the state of a hunt: one line that changes on a terminal, lines at growing intervals elsewhere."""
+def _progress() -> Iterator[tuple[Callable[[str], None], LiveLines | None]]:
+    """Show the state of a hunt: one line that changes on a terminal, lines at growing intervals elsewhere.
+
+    Yields the function that shows it, and the line on the terminal, above which is to be written.
+    """
     began_s = time.monotonic()
+    live = LiveLines(sys.stderr) if moves_cursor(sys.stderr) else None
     # Time of the first line of progress, where standard error is no terminal; the time doubles with each line.
-    next_s = 10.0 if not sys.stderr.isatty() else 0.0
-    with ExitStack() as stack:
-        status = stack.enter_context(_status() if sys.stderr.isatty() else nullcontext())
+    next_s = 0.0 if live else 10.0
+    with live or nullcontext():
 
         def tell(text: str) -> None:
             nonlocal next_s
@@ -191,20 +195,14 @@ def _progress() -> Iterator[Callable[[str], None]]:
             if took_s < next_s:
                 return
             line = f"{text}, after {took_s:.0f} s"
-            if status is None:
+            if live is None:
                 print(line, file=sys.stderr, flush=True)
                 next_s = took_s + min(took_s, PROGRESS_PERIOD_S_MAX)
             else:
-                status.update(line)
+                live.show([line])
                 next_s = took_s + 0.2  # period of the line of progress on a terminal
 
-        yield tell
-
-
-def _status() -> Any:
-    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
-
-    return Console(stderr=True).status("hunting")
+        yield tell, live
 
 
 # ---- what a hunt tells: the smallest fault lists as lines of a lab file, and as lab files that repeat them
