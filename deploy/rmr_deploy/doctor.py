@@ -31,7 +31,6 @@ USES: Final[Mapping[str, str]] = {
     "pydantic": "whatever reads a lab file",
     "pymunk": "rmr sim, up and world",
     "pyyaml": "whatever reads a lab file",
-    "rich": "tables of rmr up, sim and explain",
     "starlette": "rmr view",
     "uvicorn": "rmr view",
     "wsproto": "rmr view",

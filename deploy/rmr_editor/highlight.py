@@ -1,6 +1,6 @@
 """A lexer for Pygments: the compiler's own tokens with Pygments's names, so that no second grammar can differ.
 
-Pygments finds it by an entry point, under the name `rmr` and by `*.rmr`; so do Sphinx, rich and MkDocs.
+Pygments finds it by an entry point, under the name `rmr` and by `*.rmr`; so do Sphinx and MkDocs.
 """
 
 from collections.abc import Iterator
