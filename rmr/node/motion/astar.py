@@ -180,18 +180,19 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
         found = _plan(arena, start, goal, parked, margin_m, apart_m)
         if found is not None:
             return found
-    if not _apart(arena, start, goal):
+    if not _apart(arena, start, goal, parked):
         return None
     return _plan(arena, start, goal, parked, DOOR_MARGIN_M, PATH_MARGIN_M, doors=True)
 
 
-def _apart(arena: Arena, start: Point, goal: Point) -> bool:
-    """Return whether doors off the centres of cells are all that may join the floor around `start` and `goal`."""
+def _apart(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> bool:
+    """Return whether doors off the centres of cells are all that may join `start` and `goal`, wherever robots stand."""
     grid = grid_of(arena)
-    without, joined = (
-        [regions(arena, doors=doors)[grid.index(*point)] for point in (start, goal)] for doors in (False, True)
-    )
-    return 0 in joined or (joined[0] == joined[1] and without[0] != without[1])
+    one, other = [regions(arena, doors=False)[grid.index(*point)] for point in (start, goal)]
+    if one and one == other:
+        return False
+    # A point beside a wall lies in no region: the planner itself knows what its cell is joined to.
+    return not parked or _plan(arena, start, goal, (), DOOR_MARGIN_M, PATH_MARGIN_M) is None
 
 
 def _plan(

@@ -152,11 +152,12 @@ def test_a_slit_narrower_than_the_robot_is_not_used():
 
 
 @pytest.mark.parametrize("low", [0.66 + 0.005 * k for k in range(11)])
-def test_a_way_leads_through_a_door_wherever_its_middle_lies_among_the_cells(low):
+@pytest.mark.parametrize(("start_y", "goal_y"), [(0.3, 0.3), (0.08, 0.3), (0.08, 0.08)])  # 0.08: beside the wall
+def test_a_way_leads_through_a_door_wherever_its_middle_lies_among_the_cells(low, start_y, goal_y):
     arena = Arena(1.5, 1.5, 0.05, (bench.box(0.5, 0.0, 1.0, low), bench.box(0.5, low + 0.185, 1.0, 1.5)))
-    found = plan(arena, Point(0.2, 0.3), Point(1.3, 0.3))
+    found = plan(arena, Point(0.2, start_y), Point(1.3, goal_y))
     assert found is not None
-    assert min(segment_clearance(arena, a, b) for a, b in pairwise(found.points)) >= 0.085
+    assert min(segment_clearance(arena, a, b) for a, b in pairwise(found.points)) >= min(0.085, start_y, goal_y)
 
 
 def test_the_clearance_of_a_segment_is_that_of_its_worst_point():
