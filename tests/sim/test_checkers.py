@@ -633,6 +633,23 @@ def test_a_robot_whose_machine_reports_all_the_time_gets_no_nearer_all_the_same(
     assert ("no nearer", (2,)) in {(check, robots) for check, robots, _ in found(simulation)}
 
 
+@pytest.mark.parametrize("goal", ["0.2, 0.2", "1.3, 1.3"])  # where robot 1 stands; behind a wall
+def test_a_program_that_orders_each_failed_drive_anew_is_not_silent(tmp_path, goal):
+    retries = f"""
+    type action goto(R: robot, X: float, Y: float) -o done(R) else stuck(R).
+    go(@2).
+    go(R) -o goto(R, {goal}).
+    stuck(R) -o goto(R, {goal}).
+    """
+    small_lab(tmp_path, retries, robots=2, finish="done(R)", duration="140s")
+    text = (tmp_path / "lab.yaml").read_text("utf-8")
+    (tmp_path / "lab.yaml").write_text(f"{text}obstacles: [{{box: [1.1, 0.0, 1.12, 1.5]}}]\n", "utf-8")
+    simulation = load(tmp_path, Options()).simulation(1)
+    assert not simulation.run()
+    assert simulation.robot_parts()[2]["actions_failed"] > 2
+    assert {(check, robots) for check, robots, _ in found(simulation)} == {("no nearer", (2,))}
+
+
 def test_standstill_is_not_reported_before_all_faults_are_healed(tmp_path):
     simulation = small_lab(tmp_path, IDLE, robots=2, finish="done(R)", duration="35s")
     simulation.disturb(Disturbance(0, seconds(34), loss=0.9))

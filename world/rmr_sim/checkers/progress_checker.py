@@ -7,8 +7,9 @@ waits for: an event, by entering or by progress inside; the goal that they have 
 A robot that drives, or waits for its turn, and has made no progress for `STILL` stands still. So do all robots together
 when none has made progress for so long and none waits for a time. A lab without a finish fact has nothing to do.
 
-A robot that moves may get nowhere as well: to and fro, or from one way to another. So each drive to a goal also has to
-near it, whatever the machine reports. Hence a drive ends, fails, or is told.
+A robot that moves may get nowhere as well: to and fro, or from one way to another. So may one whose program orders
+anew each drive that has failed. So each drive to a goal also has to near it, whatever the machine reports; a drive that
+follows a failed one to the same goal goes on with it. Hence a drive arrives, is given up, or is told.
 """
 
 import math
@@ -18,7 +19,8 @@ from typing import Final
 from rmr.base.geometry import Point, distance
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
-from rmr.node.actions.dispatcher import RunningAction
+from rmr.node.actions.action_log import ActionEnded
+from rmr.node.actions.dispatcher import INTERRUPTED, RunningAction
 from rmr.node.crossing.phases import Inside
 from rmr.node.motion.astar import plan
 from rmr.node.motion.hindrance import hindrance_words
@@ -236,6 +238,9 @@ class _Nearing:
     """How far the robot had driven by then, by odometry."""
     look_at: Instant
     least_m: float | None = None
+    """Infinite: no way at all has been found."""
+    failed: bool = False
+    """Whether the action has failed: the drive goes on if the next one has the same goal."""
     longest_m: float = field(default=0.0)
     """The longest way since `near_at`."""
 
@@ -246,6 +251,12 @@ class Nearings:
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._drives: dict[int, _Nearing] = {}
+        view.subscribe(ActionEnded, self._ended)
+
+    def _ended(self, robot: int, _now: Instant, ended: ActionEnded) -> None:
+        drive = self._drives.get(robot)
+        if drive is not None and drive.action.serial == ended.serial:
+            drive.failed = ended.failure is not None and ended.failure not in INTERRUPTED
 
     def look(self, robot: int, now: Instant) -> None:
         """Take in where `robot` is; call once a second."""
@@ -254,10 +265,16 @@ class Nearings:
         action = node.actions.driving
         navigator = None if driver is None else driver.navigator
         goal = None if navigator is None or navigator.status not in ("moving", "blocked") else navigator.goal
-        if driver is None or action is None or goal is None:
-            self._drives.pop(robot, None)
-            return
         drive = self._drives.get(robot)
+        if driver is None or action is None or goal is None:
+            if drive is not None and drive.failed:
+                drive.near_at += EVERY  # what the program does meanwhile takes its own time
+            else:
+                self._drives.pop(robot, None)
+            return
+        if drive is not None and drive.failed:
+            drive.action = action
+            drive.failed = False
         # A drive that is sent to another goal within this, such as the next slot of an area, remains the same.
         if drive is None or drive.action is not action or distance(*drive.goal, *goal) > 1.0:
             driven_m = driver.localiser.travelled_m
@@ -274,14 +291,13 @@ class Nearings:
         start = Point(pose.x, pose.y)
         standing = neighbourhood(now, node.peers, robot, node.config.roster).standing
         found = plan(arena, start, goal, (*standing.values(),)) or plan(arena, start, goal)
-        if found is None:
-            return
-        way_m = found.length_m
+        way_m = math.inf if found is None else found.length_m
         if drive.least_m is None or way_m < drive.least_m - 2.0 * arena.shape.radius:
             self.neared(robot, now)
             drive.least_m = way_m
-            drive.longest_m = way_m
-        drive.longest_m = max(drive.longest_m, way_m)
+            drive.longest_m = 0.0
+        if found is not None:
+            drive.longest_m = max(drive.longest_m, way_m)
 
     def neared(self, robot: int, now: Instant) -> None:
         """Count from now on whether `robot` nears its goal."""
