@@ -279,25 +279,32 @@ class Driver:
 
         Of slots the K-th if it is the K-th, `place`, of those that go its way; without a rank (0) the one where it
         stands or by the roster; of a box the spot nearest to its middle that is free. Who has the smaller `rank` goes
-        first. Of slots that passages divide, one to which the way leads through none comes before all others.
+        first. Of slots that passages divide, one to which the way leads through none comes before all others; of these
+        the least id goes first, for who takes one has no turn, and would else lose it to one that still has.
         """
         places = spots(self.arena, area)
         index = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
-        taken = [
-            Point(*hello.goal)
-            for robot, hello in peers.claims(now)
-            if hello.goal is not None
-            and (hello.parked or (hello.rank or NO_RANK, robot) < (rank or NO_RANK, self._robot))
-        ]
+        claims = [(robot, hello, Point(*hello.goal)) for robot, hello in peers.claims(now) if hello.goal is not None]
+        mine = (rank or NO_RANK, self._robot)
         radius = self.arena.shape.radius
         parked = peers.parked(now)
-        pose = self.localiser.pose
-        own_side = side_of(self.arena, area, pose) if pose is not None and is_divided(self.arena, area) else ()
-        for some in (own_side, places):
+        near = self._near_side(area)
+        beyond = [place for place in places if place not in near]
+        for some, by_rank in ((near, False), (beyond, True)):
+            taken = [
+                goal
+                for robot, hello, goal in claims
+                if hello.parked or ((hello.rank or NO_RANK, robot) < mine if by_rank else robot < self._robot)
+            ]
             found = nearest_free(some, index, taken, radius, parked, 2.0 * radius + TIGHT_MARGIN_M)
             if found is not None:
                 return found
         return places[index % len(places)]
+
+    def _near_side(self, area: Area) -> tuple[Point, ...]:
+        """Return the slots of `area`, if passages divide them, to which the own way leads through none."""
+        pose = self.localiser.pose
+        return side_of(self.arena, area, pose) if pose is not None and is_divided(self.arena, area) else ()
 
     def _unranked(self, area: Area) -> int:
         """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""
@@ -329,7 +336,10 @@ class Driver:
         if place is None or self._chosen is None:
             return False
         area, rank, which = self._chosen
-        first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
+        if place in self._near_side(area):
+            first = hello.parked or source < self._robot
+        else:
+            first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
         radius = self.arena.shape.radius
         if first and hello.goal is not None and distance(*place, *hello.goal) <= radius:
             return True

@@ -6,7 +6,7 @@ import pytest
 from lab_maker import traced
 
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import in_seconds, seconds
+from rmr.base.time import TICK_HZ, in_seconds, seconds
 from rmr.node.crossing import approach
 from rmr.node.crossing.approach import side_of
 from rmr.node.motion.keep_right import gated_route
@@ -242,3 +242,27 @@ def test_on_which_side_of_a_passage_a_robot_is_takes_one_plan_a_cell(tmp_path, m
     for heading in range(3):
         assert side_of(arena, area, Pose(0.42, 1.22, float(heading))) == area.places[1::2]
     assert len(plans) == before
+
+
+@pytest.mark.parametrize("slots", DIVIDED)
+@pytest.mark.parametrize("due", [{1: 80, 2: 70, 3: 60, 4: 50}, {1: 50, 2: 60, 3: 70, 4: 80}])
+def test_a_robot_with_a_slot_on_its_own_side_lines_up_for_no_passage(tmp_path, slots, due):
+    simulation = prepare(divided(tmp_path, slots, 4, due), seed=1)
+    arena = simulation.lab.arena
+    for_nothing = dict.fromkeys(range(1, 5), 0)
+    most = 0
+
+    def look(_now):
+        nonlocal most
+        for robot, simulated in enumerate(simulation.robots, 1):
+            node = simulated.node
+            crossing = node.crossings.current
+            waits = crossing is not None and crossing.rank > 0 and crossing.waits
+            near = waits and node.driver.place in side_of(arena, arena.area("right"), node.driver.localiser.pose)
+            for_nothing[robot] = for_nothing[robot] + 1 if near else 0
+            most = max(most, for_nothing[robot])
+
+    simulation.observers.append(look)
+    assert simulation.run()
+    assert most < TICK_HZ
+    assert len(spans(simulation)) == 2  # nobody goes there and back

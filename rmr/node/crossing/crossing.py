@@ -10,12 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from rmr.base.arena import Area
+from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.coord.timing import LivenessTiming
 from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.config import STUCK, UNKNOWN_INSIDE
-from rmr.node.crossing.course import Course
 from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
 from rmr.node.crossing.phases import (
     IGNORED,
@@ -58,6 +58,27 @@ PRESUMED_GONE: Final[Duration] = LivenessTiming().gone
 """A robot that was stopped for longer than this while inside may have been presumed gone."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
+
+
+@dataclass(slots=True)
+class Course:
+    """The course of a crossing: where the robot is sent while it is under way."""
+
+    destination: Point | None = None
+    """The place that the robot has taken, until its route there is planned."""
+    planned_at: Instant = 0
+    """When a route was planned last."""
+    replan_from: Instant = 0
+    """Before the entrance a route is planned from then on, since the newest slot is near."""
+
+    def send(self, destination: Point | None) -> None:
+        """Send the robot to `destination`; None: no longer anywhere else."""
+        self.destination = destination
+
+    def planned(self, now: Instant) -> None:
+        """Note that a route has been planned."""
+        self.destination = None
+        self.planned_at = now
 
 
 @dataclass(slots=True)

@@ -3,7 +3,8 @@
 Another place behind the entrance is taken, and announced to the others, at once. Before the entrance the route there is
 planned when the slot nears, once a second at most: in a crowd one robot that is late changes the ranks of all behind
 it, and a plan costs milliseconds. A route that leads to no entrance is not kept: on it the robot would get no nearer to
-its slot, which would be put off for ever.
+its slot, which would be put off for ever. Nor is one kept where the new place lies behind no entrance: the robot gives
+its turn back. Else it would line up for nothing, and nobody would enter until the first of the line had found that out.
 """
 
 from typing import Final
@@ -11,7 +12,7 @@ from typing import Final
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
-from rmr.node.crossing.course import Course
+from rmr.node.crossing.approach import is_divided, side_of
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.phases import Inside
 from rmr.node.parts import CrossingHost
@@ -81,7 +82,7 @@ class Destinations:
         course = crossing.course
         if course.destination is None or running is None or running.permit is not crossing:
             course.send(None)
-        elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, self._replans_from(course)):
+        elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, self._replans_from(crossing)):
             self._robot.depart(course.destination, final_heading=None, permit=crossing)
 
     def goes_on(self) -> bool:
@@ -92,8 +93,19 @@ class Destinations:
         self._robot.depart(crossing.course.destination, final_heading=None, permit=crossing)
         return True
 
-    def _replans_from(self, course: Course) -> Instant:
-        """Return when the robot may plan: at any time where the route that it has leads to no entrance."""
+    def _replans_from(self, crossing: Crossing) -> Instant:
+        """Return when the robot may plan: at any time where the route it has, or is to have, leads to no entrance."""
         driver = self._robot.driver
         route = None if driver is None else driver.navigator.route
-        return 0 if route is None or route.gate_m is None else course.replan_from
+        if route is None or route.gate_m is None or self._is_near_side(crossing):
+            return 0
+        return crossing.course.replan_from
+
+    def _is_near_side(self, crossing: Crossing) -> bool:
+        """Return whether the robot is sent to a slot to which its way leads through no passage."""
+        goal = crossing.goal
+        pose = self._robot.pose
+        arena = self._robot.config.arena
+        if goal is None or pose is None or not is_divided(arena, goal):
+            return False
+        return crossing.course.destination in side_of(arena, goal, pose)
