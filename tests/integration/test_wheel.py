@@ -113,6 +113,14 @@ KEPT = re.compile(r"PIP_\w+|(https?|no)_proxy|SSL_CERT_FILE|REQUESTS_CA_BUNDLE",
 """What pip may need to reach its index; nothing else of the environment is there."""
 
 
+OCTETS = """
+from importlib.metadata import distributions
+files = [file.locate() for each in distributions() if each.name not in ("pip", "setuptools") for file in each.files]
+print(sum(file.stat().st_size for file in files if file.exists()))
+"""
+"""Prints the octets of all files that packages have brought to a new environment, which pip itself is in."""
+
+
 @pytest.mark.timeout(300)
 def test_an_empty_machine_installs_the_wheel_and_goes_through_the_first_commands(wheel, tmp_path):
     """`pip install`, then `rmr demo`, `new`, `sim` and `view`, in a new environment and without the tree."""
@@ -130,6 +138,7 @@ def test_an_empty_machine_installs_the_wheel_and_goes_through_the_first_commands
         return answer.stdout
 
     called("pip", "install", "--quiet", str(wheel))
+    assert int(called("python", "-c", OCTETS)) <= 150_000_000
     where = called("python", "-c", "import rmr, rmr_deploy; print(rmr.__file__, rmr_deploy.__file__)")
     assert all(file.startswith(str(tmp_path / "machine")) for file in where.split())
     called("rmr", "man", "pages")
