@@ -15,6 +15,7 @@ from rmr.entry import run
 if TYPE_CHECKING:
     from rmr.entry.command_line import CommandGroup, Parser
     from rmr.radio.links import Disturbance
+    from rmr_deploy.run_requests import Who
 
 # --- what the words of an option mean
 
@@ -35,12 +36,6 @@ def _groups(text: str) -> list[list[int]]:
     if len(groups) < 2:
         raise ValueError("should be two groups of robots or more, such as 1-3/4-6")
     return groups
-
-
-def _robots(text: str) -> tuple[int, ...]:
-    from rmr.base.ids import listed
-
-    return listed(text)
 
 
 def _pair(text: str) -> list[list[int]]:
@@ -102,12 +97,12 @@ def _declare_partition(parser: "Parser") -> None:
 
 def _declare_victims(parser: "Parser") -> None:
     """Declare robots of a run that `rmr up` has started, on this machine or on others."""
-    from rmr_deploy.fleet import declare_connect
+    from rmr_deploy.fleet import declare_connect, robots_or_service
 
     parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder, if several labs run.")
     parser.option("--lab", metavar="NAME", help="The name of the lab, if several run.")
     declare_connect(parser)
-    parser.positional("robots", "ROBOT", read=_robots, count="+", usage="ROBOT...")
+    parser.positional("robots", "ROBOT", read=robots_or_service, count="+", usage="ROBOT...")
 
 
 def _declare_spell(parser: "Parser") -> None:
@@ -172,7 +167,7 @@ def _befall(
     order: str,
     lengths: dict[str, float],
     *,
-    robots: list[tuple[int, ...]],
+    robots: "list[tuple[Who, ...]]",
     **place: Any,
 ) -> int:
     """Have the launcher perform a fault of robots."""
@@ -196,7 +191,7 @@ def _list(**place: Any) -> int:
 Row = tuple[str, Callable[["Parser"], None], Callable[..., int]]
 
 SUBCOMMANDS: dict[str, Row] = {
-    "kill": ("Kill robots, as if they had failed: a restart policy applies.", _declare_victims, _crash),
+    "kill": ("Kill robots or the world, as if they had failed: a restart policy applies.", _declare_victims, _crash),
     "stall": ("Stop the processes of robots for a while.", _declare_spell, _stall),
     "slow": ("Let robots run for one tick in each period only.", _declare_slow, _slow),
     "outage": ("Let robots hear no beacon of the localisation service.", _declare_spell, _outage),

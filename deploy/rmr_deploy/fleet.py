@@ -26,8 +26,16 @@ def _robots(text: str) -> tuple[int, ...]:
     return listed(text)
 
 
-def _robots_or_world(text: str) -> "tuple[Who, ...]":
-    return ("world",) if text == "world" else _robots(text)
+def robots_or_service(text: str) -> "tuple[Who, ...]":
+    """Return the robots, or the process without which no run goes on, that `text` names. Raises ValueError."""
+    from rmr_deploy.run_requests import service_named
+
+    if (service := service_named(text)) is not None:
+        return (service,)
+    try:
+        return _robots(text)
+    except ValueError as error:
+        raise ValueError(f"{error}; or world, or router") from None
 
 
 def _signal(text: str) -> int:
@@ -55,7 +63,7 @@ def _declare_places(parser: "Parser") -> None:
 
 def declare_connect(parser: "Parser") -> None:
     """Declare where a lab over several hosts runs, of which this machine need be none."""
-    parser.option("--connect", metavar="ENDPOINT", help="Where the world of a lab over several hosts listens.")
+    parser.option("--connect", metavar="ENDPOINT", help="Where the router of a lab over several hosts listens.")
     parser.option("--secret", metavar="FILE", read=Path, help="Of its bus, with --connect.")
     parser.option("--keys", metavar="DIR", read=Path, help="The folder with an operator's keys, with --connect.")
 
@@ -106,12 +114,12 @@ def _declare_lines(parser: "Parser") -> None:
 
 def _declare_logs(parser: "Parser") -> None:
     _declare_lines(parser)
-    parser.positional("robots", "ROBOT", read=_robots, count="*", usage="[ROBOT...]")
+    parser.positional("robots", "ROBOT", read=robots_or_service, count="*", usage="[ROBOT...]")
 
 
 def _declare_robots(parser: "Parser") -> None:
     _declare_places(parser)
-    parser.positional("robots", "ROBOT", read=_robots_or_world, count="+", usage="ROBOT...")
+    parser.positional("robots", "ROBOT", read=robots_or_service, count="+", usage="ROBOT...")
 
 
 def _declare_kill(parser: "Parser") -> None:
@@ -195,7 +203,7 @@ def _ps(**options: Any) -> int:
     return list_processes(**options)
 
 
-def _logs(robots: list[tuple[int, ...]], **options: Any) -> int:
+def _logs(robots: "list[tuple[Who, ...]]", **options: Any) -> int:
     from rmr_deploy.run_logs import show_logs
 
     return show_logs(robots=[robot for group in robots for robot in group], **options)
@@ -267,7 +275,7 @@ VERBS: dict[str, Row] = {
     "stats": ("Show processor time and memory of the processes, each second.", _declare_usage, _usage),
     "facts": ("Show the facts that robots hold; also after the run.", _declare_facts, _facts),
     "config": ("Show the lab of a run, or a lab file, with all defaults.", _declare_config, _config),
-    "kill": ("Kill robots, or send them another signal.", _declare_kill, _order("kill")),
+    "kill": ("Kill robots or the world, or send them another signal.", _declare_kill, _order("kill")),
     "stop": ("Stop robots in order; the run goes on without them.", _declare_patient, _order("stop")),
     "start": ("Start robots again that have ended.", _declare_robots, _order("start")),
     "restart": ("Start robots again, with --force also those that run.", _declare_restart, _order("restart")),

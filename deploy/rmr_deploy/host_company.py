@@ -171,6 +171,12 @@ class HostCompany:
         return None if heard is None else heard.said
 
     @property
+    def hub_silent_s(self) -> float:
+        """How long ago the launcher of the world's host was heard last, in seconds; 0 before the first time."""
+        heard = self._heard.get(self._share.hub.name)
+        return 0.0 if heard is None else time.monotonic() - heard.at
+
+    @property
     def is_twin(self) -> bool:
         """Whether another launcher takes part as this host already."""
         return self._twin

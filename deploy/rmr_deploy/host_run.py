@@ -1,9 +1,13 @@
 """The run of a lab over several hosts, as the launcher of one of them sees it.
 
-It is that of one machine with another list of processes. The launcher of the world's host starts the world, which
-listens for all, waits for the robots of the other hosts, and alone decides when the run is over. The others wait for
-it, compare their lab with its (`host_company`), start their robots and end with the run. One that is interrupted stops
-its own robots; the run goes on without them.
+It is that of one machine with another list of processes. The launcher of the world's host starts a router, which
+listens for all, and the world, waits for the robots of the other hosts, and alone decides when the run is over. The
+others wait for it, compare their lab with its (`host_company`), start their robots and end with the run. One that is
+interrupted stops its own robots; the run goes on without them.
+
+The router is a process of its own, so that launchers and robots hear each other while the world is dead. Whether it
+comes back is known to its launcher, which says so at once if it does not. The others wait as long as they hear that
+launcher, and only if it is gone itself, for `GONE_S`.
 """
 
 import asyncio
@@ -21,15 +25,16 @@ from rmr.record.recording import PARTS_FOLDER
 from rmr_deploy.host_company import GONE_S, SILENT_S, HostCompany
 from rmr_deploy.host_share import HostShare
 from rmr_deploy.launch import FINAL_S_MAX, LEAVE_S_MAX, LabRun
-from rmr_deploy.preparation import RunPlan
+from rmr_deploy.preparation import RunPlan, router_command
 from rmr_deploy.process_group import Child
 from rmr_deploy.process_identity import usage_of
 from rmr_deploy.resolved_lab import resolved_lab
+from rmr_deploy.restarts import Restarts, world_policy
 from rmr_deploy.robot_lives import told_facts
 from rmr_deploy.run_end import patiently, who_came_back, who_ended
 from rmr_deploy.run_logs import told_log
 from rmr_deploy.run_outcome import Elsewhere, RunOutcome
-from rmr_deploy.run_requests import Answer
+from rmr_deploy.run_requests import ROUTER, Answer, called, service_named
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL, DIED, Fate, absence
@@ -51,6 +56,9 @@ class HostRun(LabRun):
         """Robots of other hosts whose end was said."""
         self._told_entries: dict[tuple[str, int], list[tuple[str, Any, Any]]] = {}
         """What befell the robots of other hosts, as far as it was said."""
+        if share.has_world:
+            # Several deaths in a row, and it is not started again: as for a world.
+            self._service_restarts[ROUTER] = Restarts(world_policy(None), self._replace_router)
         self.waiting = Throttle(self._say_waiting, SAY_AGAIN_S)
         if not share.has_world:  # the world's host ends the run
             self._limit_s = plan.options.timeout_s or float("inf")
@@ -74,9 +82,17 @@ class HostRun(LabRun):
 
     def _start(self) -> str:
         if self._share.has_world:
+            self._services[ROUTER] = self._child(ROUTER, None, router_command(self.plan, self._share))
             return super()._start()
         self._endpoint = self._share.connect
         return self._record_processes()
+
+    def _replace_router(self, _: Sequence[int], name: str) -> None:
+        """Start the router again as the process `name`. Raises OSError."""
+        command = router_command(self.plan, self._share)
+        child = self._services[ROUTER] = self._child(name, None, command, threaded=True)
+        self._note_started(called(ROUTER), child)
+        self.outcome.note_lives("restart", [ROUTER], self._lab_s())
 
     async def _join(self, monitor: StatusMonitor) -> None:
         self.company = company = HostCompany(self.plan, self._share, monitor.bus, self._asked, self._told)
@@ -168,17 +184,21 @@ class HostRun(LabRun):
         self.events.note("robot_state", message, robot=robot, state=state)
 
     def _follow(self, company: HostCompany, monitor: StatusMonitor) -> None:
-        """End with the run, or when its world is gone."""
+        """End with the run, or when the launcher that decides about it is gone."""
         hub = company.hub
-        silent_s = monitor.world_silent_s
-        where = f"the world of lab {self.plan.lab.name} at {self._endpoint}"
+        silent_s = company.hub_silent_s
+        host = f"host {self._share.hub.name}"
+        where = f"{host}, which has the world of lab {self.plan.lab.name}"
         if hub is not None and hub.state == "over":
             self.outcome.finished = hub.finished
             self.outcome.reason = hub.reason
         elif silent_s > GONE_S:
-            self.outcome.reason = f"no word of {where} for {silent_s:.0f} s"
+            self.outcome.reason = f"no word of {where}, for {silent_s:.0f} s"
+        elif silent_s > SILENT_S:
+            self._say_once("hub", f"no word of {where}; waiting for it to return, for {GONE_S:g} s")
         else:
-            self._say_once("world", f"no word of {where}; waiting for it to return" if silent_s > SILENT_S else "")
+            is_silent = monitor.world_silent_s > SILENT_S
+            self._say_once("hub", f"no word of the world on {host}, which waits for it, too" if is_silent else "")
 
     def _finished(self) -> bool:
         if not self._share.has_world:
@@ -204,15 +224,23 @@ class HostRun(LabRun):
     def _answer(self, request: Mapping[str, Any]) -> "Answer | asyncio.Future[str]":
         robot = request.get("robot")
         is_order = request.get("do") not in ("facts", "outage")
-        if is_order and self.company is not None and type(robot) is int and robot in self._elsewhere:
-            return asyncio.ensure_future(self.company.order(self._share.host_of(robot), request))
-        if robot == WORLD and not self._share.has_world:
-            return f"the world is on host {self._share.hub.name}: give the order there"
+        host = self._home(robot)
+        if is_order and self.company is not None and host not in (None, self._share.here.name):
+            return asyncio.ensure_future(self.company.order(host, request))
         answer = super()._answer(request)
         if request.get("do") == "status" and isinstance(answer, dict):
+            if not self._share.has_world:
+                there = self.monitor is not None and self.monitor.world_there
+                answer["processes"].append(self._row_elsewhere(f"{self._share.hub.name}/{WORLD}", lives=there))
             answer["processes"] += [self._process_elsewhere(robot) for robot in self._elsewhere]
             answer["robots"] += [self._robot_elsewhere(robot) for robot in self._elsewhere]
         return answer
+
+    def _home(self, who: object) -> str | None:
+        """Return the host of a robot, or of the world or router; None where there is none."""
+        if service_named(who) is not None:
+            return self._share.hub.name
+        return self._share.host_of(who) if type(who) is int and who in self.plan.lab.roster else None
 
     @property
     def _elsewhere(self) -> list[int]:
@@ -221,8 +249,12 @@ class HostRun(LabRun):
 
     def _process_elsewhere(self, robot: int) -> dict[str, Any]:
         """Return the process of a robot of another host, as far as it is known, in the form of `told_status`."""
-        state = "ended" if robot in self._gone_elsewhere() else "running"
         name = f"{self._share.host_of(robot)}/robot-{robot}"
+        return self._row_elsewhere(name, lives=robot not in self._gone_elsewhere())
+
+    @staticmethod
+    def _row_elsewhere(name: str, *, lives: bool) -> dict[str, Any]:
+        state = "running" if lives else "ended"
         return {"name": name, "pid": None, "state": state, "exit_code": None, "up_s": None}
 
     def _robot_elsewhere(self, robot: int) -> dict[str, Any]:
@@ -238,7 +270,9 @@ class HostRun(LabRun):
             self._screen.say("stopping: rmr down on another machine")
             self.outcome.interrupted = True
             return ""
-        return self._order(request) if request.get("robot") in self._robots else None
+        robot = request.get("robot")
+        own = service_named(robot) in self._services or (type(robot) is int and robot in self._robots)
+        return self._order(request) if own else None
 
     def _told(self, request: Mapping[str, Any]) -> Answer | None:
         """Answer a question of `rmr --connect`; None while this host does not take part."""
@@ -294,9 +328,10 @@ class HostRun(LabRun):
 
     async def _stop(self) -> None:
         if self.company is not None and self._share.has_world:
-            outcome = self.outcome
-            self.company.tell("over", self._gone_here(), finished=outcome.finished, reason=outcome.reason)
+            self._tell_end(self.company)
         await super()._stop()
+        if ROUTER in self._services:
+            await self._end([self._services[ROUTER]], asked=False)
         if self.company is not None and not self._share.has_world and not (self.company.is_twin and not self._robots):
             self.company.tell("left", self._gone_here(), reason=self.outcome.reason, befell=self.outcome.befell())
             await asyncio.sleep(LAST_WORD_S)
@@ -304,9 +339,17 @@ class HostRun(LabRun):
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
         await super()._end(children, asked=asked)
         if self.company is not None and self._reaches_all() and self._share.has_world and not self.outcome.hurried:
-            # The last word of the other hosts comes through the world.
-            company = self.company
-            await patiently(lambda: not company.staying(), FINAL_S_MAX + LEAVE_S_MAX)
+            # The last word of the other hosts comes through the router.
+            await patiently(self._are_told, FINAL_S_MAX + LEAVE_S_MAX)
+
+    def _are_told(self) -> bool:
+        """Whether no other host stays; until then it is told again that the run is over, for a message may be lost."""
+        assert self.company is not None
+        self._tell_end(self.company)
+        return not self.company.staying()
+
+    def _tell_end(self, company: HostCompany) -> None:
+        company.tell("over", self._gone_here(), finished=self.outcome.finished, reason=self.outcome.reason)
 
     def _reaches_all(self) -> bool:
         if self._share.has_world:

@@ -1,7 +1,7 @@
 """The share of one host in a lab over several: `rmr up LAB --hosts FILE --here HOST`.
 
-The host with the world listens for all others, whose processes connect to it; no other router is needed. What all hosts
-have to agree on is put into words here, so that their launchers can compare it before any robot starts.
+The host with the world has the router to which the processes of all others connect; no other one is needed. What all
+hosts have to agree on is put into words here, so that their launchers can compare it before any robot starts.
 """
 
 import hashlib
@@ -72,7 +72,7 @@ class HostShare:
 
     @property
     def listen(self) -> str:
-        """Where the world listens: at all addresses of its host, unless others reach it by loopback."""
+        """Where the router listens: at all addresses of its host, unless others reach it by loopback."""
         if is_loopback(self.hub.endpoint(self.protocol)):
             return self.hub.endpoint(self.protocol)
         anywhere = "[::]" if ":" in self.hub.address else "0.0.0.0"
@@ -80,7 +80,7 @@ class HostShare:
 
     @property
     def connect(self) -> str:
-        """Where the processes of this host find the world."""
+        """Where the processes of this host find the router."""
         if not self.has_world:
             return self.hub.endpoint(self.protocol)
         return self.listen.replace("[::]", "[::1]").replace("0.0.0.0", "127.0.0.1")

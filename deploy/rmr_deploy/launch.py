@@ -27,6 +27,7 @@ from rmr.base.ids import named, spelled
 from rmr.bus import wire
 from rmr.bus.endpoint import BusError
 from rmr.bus.keys import WORLD
+from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
 from rmr_deploy.event_log import EventLog
 from rmr_deploy.page_start import PageStart, open_page
@@ -38,7 +39,7 @@ from rmr_deploy.robot_lives import RobotLives, told_facts, told_status
 from rmr_deploy.run_end import end_processes, judged_end, patiently, sweep, unready, who_came_back, who_ended
 from rmr_deploy.run_loads import performed_loads, watched
 from rmr_deploy.run_outcome import Life, RunOutcome
-from rmr_deploy.run_requests import REQUEST_FIELDS, Answer, called, serve_requests
+from rmr_deploy.run_requests import REQUEST_FIELDS, ROUTER, Answer, Service, called, serve_requests
 from rmr_deploy.screen import RobotLine, Screen
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.quorum import ALL, STOPPED, Fate
@@ -70,7 +71,6 @@ class LabRun:
         self._screen = screen
         self._page: PageStart | None = None
         self._processes = ProcessGroup()
-        self._world: Child | None = None
         self.roster = plan.lab.roster if plan.has_world else plan.robots
         """The robots that this launcher judges and shows."""
         self.waiting: Callable[[], None] = lambda: None  # called while nobody answers at the endpoint
@@ -86,9 +86,10 @@ class LabRun:
         )
         self.outcome.faults = self.faults.entries
         self.restarts = Restarts(plan.options.restart, self._replace)
-        self._world_restarts = Restarts(
-            world_policy(plan.options.restart) if plan.options.durable else None, self._replace_world
-        )
+        self._services = self.faults.services
+        self._service_restarts: dict[Service, Restarts] = {
+            WORLD: Restarts(world_policy(plan.options.restart) if plan.options.durable else None, self._replace_world)
+        }
         self.schedule = FaultSchedule([one for one in plan.lab.faults if one.robot in plan.robots], self._order)
         self._limit_s = plan.options.timeout_s or self._ready_limit_s + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
@@ -138,9 +139,7 @@ class LabRun:
     def _start(self) -> str:
         """Start the processes; return what `write_processes` does. Raises OSError."""
         self._endpoint = endpoint_of(self.plan)
-        self._world = self._child(WORLD, WORLD, world_command(self.plan, self._endpoint))
-        if self.plan.options.durable:
-            self.faults.world = self._world
+        self._services[WORLD] = self._child(WORLD, WORLD, world_command(self.plan, self._endpoint))
         self._start_robots()
         return self._record_processes()
 
@@ -177,7 +176,7 @@ class LabRun:
     def _start_world(self, name: str) -> Child:
         """Start the world again as the process `name`. Raises OSError."""
         child = self._child(name, name, world_command(self.plan, self._endpoint), threaded=True)
-        self._world = self.faults.world = child
+        self._services[WORLD] = child
         self.outcome.world_restarts += 1
         if self.plan.options.timeout_s is None:
             self._limit_s += READY_S_MAX  # lab time stands until its robots are back
@@ -195,9 +194,10 @@ class LabRun:
         self._start_again(robots, name)
         self.outcome.note_lives("restart", robots, self._lab_s())
 
-    def _child(self, name: str, part: str, command: Sequence[str], *, threaded: bool = False) -> Child:
+    def _child(self, name: str, part: str | None, command: Sequence[str], *, threaded: bool = False) -> Child:
+        """Start the process `name`, which records into `part` if it records. Raises OSError."""
         log = self.plan.logs / f"{name}.jsonl"
-        recording = self.plan.part(part)
+        recording = None if part is None else self.plan.part(part)
         options = ["--log", str(log), *([] if recording is None else ["--record", str(recording)])]
         return self._processes.start(name, [*command, *options], log.with_suffix(".out"), threaded=threaded)
 
@@ -266,8 +266,9 @@ class LabRun:
         self._report_exits()  # before requests: the process that follows must find its predecessor retired
         serve_requests(self.plan.folder, self._answer)
         self.faults.resume()
-        for problem in [*self._world_restarts.start_due(), *self.restarts.start_due()]:
-            self._screen.say(problem)
+        for restarts in (*self._service_restarts.values(), self.restarts):
+            for problem in restarts.start_due():
+                self._screen.say(problem)
         if self.monitor is not None and self._lab_s() is not None:
             for message, entry in self.schedule.perform_due(self.monitor.now):
                 self._screen.say(message)
@@ -285,8 +286,8 @@ class LabRun:
         """Return why the run ends early by a person's will or a limit, if it does."""
         if self.outcome.interrupted:
             return "interrupted"
-        if not self._has_world():  # what follows one that has died could not be started
-            return "the world died, and cannot be started again"
+        if lacking := self._lacking():  # what follows one that has died could not be started
+            return f"{called(lacking)} died, and cannot be started again"
         if self.outcome.ready_s is None and elapsed_s > self._ready_limit_s:
             return f"not ready within {self._ready_limit_s:g} s: {', '.join(self._unready())}"
         return f"not finished within {self._limit_s:g} s of wall time" if elapsed_s > self._limit_s else ""
@@ -308,20 +309,22 @@ class LabRun:
         robot = request.get("robot")
         if type(robot) is int and robot in self.lives.returned:
             return f"robot {robot} is a process that was started by hand"
-        if robot == WORLD and self.faults.world is None:
+        if robot == ROUTER and ROUTER not in self._services:
+            return "there is no router in this run but its world, to which all connect"
+        if robot == WORLD and not self.plan.options.durable:
             return "the world keeps no state, and the run would end with it: start the lab with rmr up --durable"
-        if request.get("do") == "outage":
+        if request.get("do") == "outage" and not isinstance(robot, str):
             refused = ask_outage(self.monitor, self.plan.lab.roster, request, self.faults.entries)
         else:
             refused = self.faults.perform(request)
-        if not refused and (type(robot) is int or robot == WORLD):
+        if not refused and (type(robot) is int or robot in self._services):
             self._note_order(robot, request)
         return refused
 
     def _note_order(self, who: Any, request: Mapping[str, Any]) -> None:
-        """Note that an order about a robot, or the world, was carried out."""
-        if who == WORLD:
-            self._world_restarts.forget(wire.WORLD_ID)
+        """Note that an order about a robot, the world or the router was carried out."""
+        if who in self._service_restarts:
+            self._service_restarts[who].forget(wire.WORLD_ID)
         else:
             self.restarts.forget(who)
         fields = {key: request[key] for key in REQUEST_FIELDS if key in request}
@@ -348,25 +351,36 @@ class LabRun:
                 for robot in robots:
                     self.monitor.retire(robot, self.outcome.fate(child.name))
             by_hand = child.name in self.faults.killed
-            is_world = child is self.faults.world
-            restarts, crew = (self._world_restarts, [wire.WORLD_ID]) if is_world else (self.restarts, robots)
-            replaced = not by_hand and restarts.failed(child, code, crew) is not None
+            service = next((name for name, one in self._services.items() if one is child), None)
+            replaced = self._replaced(child, code, service, robots)
             crashed = child.name in self.faults.crashed
             if by_hand or replaced or crashed:
                 self.outcome.excused.add(child.name)
             if self.outcome.fate(child.name) == STOPPED or not (by_hand or crashed):
                 word: Life = "stop" if self.outcome.fate(child.name) == STOPPED else "die"
-                self.outcome.note_lives(word, [WORLD] if is_world else robots, self._lab_s())
+                self.outcome.note_lives(word, robots if service is None else [service], self._lab_s())
         plan = self.plan
         may_die = plan.options.keep_going or plan.lab.quorum != ALL or not plan.has_world
         asked = all(child.name in self.outcome.excused for child in news)
         if news and not ((may_die or asked) and self._can_go_on(asked=asked)):
-            died = sum(name.partition(".")[0] == WORLD for name in self.outcome.died)
+            lacking = self._lacking()
+            died = sum(name.partition(".")[0] == lacking for name in self.outcome.died)
             self.outcome.reason = (
-                f"the world died {died} times, and is not started again"
-                if died > 1 and not self._has_world()
+                f"{called(lacking)} died {died} times, and is not started again"
+                if died > 1
                 else who_ended({name: self.outcome.fate(name) for name in self.outcome.ended})
             )
+
+    def _replaced(self, child: Child, code: int, service: Service | None, robots: Sequence[int]) -> bool:
+        """Whether another process takes the place of one that has ended, by the restart policy."""
+        if service == ROUTER:  # whoever ended it, and in whatever manner: nobody could order its start through it
+            code = ExitCode.FAILED if self.outcome.ready_s is not None else ExitCode.INVALID
+        elif child.name in self.faults.killed:
+            return False
+        restarts, crew = (
+            (self.restarts, robots) if service is None else (self._service_restarts[service], [wire.WORLD_ID])
+        )
+        return restarts.failed(child, code, crew) is not None
 
     def _note_robot(self, event: str, robot: int, message: str) -> None:
         self._screen.say(message)
@@ -378,14 +392,19 @@ class LabRun:
     def _can_go_on(self, *, asked: bool) -> bool:
         """Whether a run goes on without those that have ended; during its start only if that was `asked` for."""
         may_lack = asked or self.outcome.ready_s is not None or self.plan.options.restart is not None
-        return may_lack and self._has_world() and self._anybody()
+        return may_lack and not self._lacking() and self._anybody()
 
-    def _has_world(self) -> bool:
-        """Whether the world runs or will; one that was ended on request is waited for until it is started again."""
-        world = self._world
-        if world is None or world.name not in self.outcome.ended:
-            return True
-        return self._world_restarts.waits(wire.WORLD_ID) or world.name in self.faults.killed
+    def _lacking(self) -> Service | None:
+        """Return the service that neither runs nor will.
+
+        A world that was ended on request is waited for until it is started again.
+        """
+        for service, child in self._services.items():
+            waits = self._service_restarts[service].waits(wire.WORLD_ID)
+            asked = service == WORLD and child.name in self.faults.killed
+            if child.name in self.outcome.ended and not waits and not asked:
+                return service
+        return None
 
     def _anybody(self) -> bool:
         return bool(set(self.roster) - self.lives.lost().keys() - self._others().keys())
@@ -417,14 +436,15 @@ class LabRun:
             self._report_silent()
             await self._processes.left(robots, LEAVE_S_MAX)
         await self._end(robots, asked=reaches)
-        if self._world is None:
+        world = self._services.get(WORLD)
+        if world is None:
             return
         if monitor is not None:
             monitor.ask_world_to_stop(self.outcome.reason)
-            told = lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(self._world)  # noqa: E731
+            told = lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(world)  # noqa: E731
             await patiently(told, FINAL_S_MAX)
-            await self._processes.left([self._world], LEAVE_S_MAX)
-        await self._end([self._world], asked=monitor is not None)
+            await self._processes.left([world], LEAVE_S_MAX)
+        await self._end([world], asked=monitor is not None)
 
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
         """End the processes that have not exited by themselves; report those that did not although `asked` to."""
@@ -433,8 +453,8 @@ class LabRun:
                 self._screen.say(line)
 
     def _reaches_all(self) -> bool:
-        """Whether messages arrive: not without the router, which is the world."""
-        return not self._gone(self._world)
+        """Whether messages arrive: not without the router, which on one machine is the world."""
+        return not self._gone(self._services.get(ROUTER) or self._services.get(WORLD))
 
     def _is_final(self, robot: int) -> bool:
         if self.monitor is not None and self.monitor.final(robot):

@@ -346,20 +346,25 @@ def free_port() -> int:
 
 
 def endpoint_of(plan: RunPlan) -> str:
-    """Return where the processes of a run find its world: a new endpoint of loopback, or that of the hosts."""
+    """Return where the processes of a run find each other: at a new endpoint of loopback, or that of the hosts."""
     if plan.share is not None:
         return plan.share.connect
     return f"{'tcp' if plan.options.keys is None else 'tls'}/127.0.0.1:{free_port()}"
 
 
+def router_command(plan: RunPlan, share: HostShare) -> list[str]:
+    """Return the command that starts the router of a lab over several hosts, under the keys of its world."""
+    opened = ["--open"] if plan.credentials is None and not is_loopback(share.listen) else []
+    return [*python("rmr_deploy.router"), "--listen", share.listen, *opened, *plan.admission(WORLD)]
+
+
 def world_command(plan: RunPlan, endpoint: str) -> list[str]:
-    """Return the command that starts the world."""
+    """Return the command that starts the world: on one machine it is the router, too."""
     lab = plan.lab
-    listen = endpoint if plan.share is None else plan.share.listen
-    opened = ["--open"] if plan.credentials is None and not is_loopback(listen) else []
-    options = ["--listen", listen, *opened, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
+    end = ["--listen" if plan.share is None else "--connect", endpoint]
+    options = [*end, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
     options += ["--ros2"] if plan.options.ros2 else []
-    return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.state(), *plan.admission("world")]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options, *plan.state(), *plan.admission(WORLD)]
 
 
 def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:

@@ -27,7 +27,7 @@ from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.bus.keys import WORLD
 from rmr_deploy.process_group import Child
 from rmr_deploy.restarts import next_name
-from rmr_deploy.run_requests import FAULT_S_MAX, Who, called
+from rmr_deploy.run_requests import FAULT_S_MAX, ROUTER, Service, Who, called, service_named
 from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world.faults import fault_entry, fault_line
 from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
@@ -64,8 +64,8 @@ class ProcessFaults:
         `start` starts the process of a robot, or of the world, again under a name, `now_s` returns lab time in seconds.
         """
         self._robots = robots
-        self.world: Child | None = None
-        """The process of the world, also of a later one; None if it is not durable, and nothing goes on without it."""
+        self.services: dict[Service, Child] = {}
+        """The processes without which no run goes on, by what they are; also later ones."""
         self._start = start
         self._now_s = now_s
         self.killed: set[str] = set()
@@ -87,8 +87,9 @@ class ProcessFaults:
     def perform(self, request: Mapping[str, Any]) -> str:
         """Carry out a request; return why it is refused, or nothing."""
         robot = request.get("robot")
-        if robot == WORLD and self.world is not None:
-            return self._perform(request, WORLD, self.world)
+        service = service_named(robot)
+        if service is not None and service in self.services:
+            return self._perform(request, service, self.services[service])
         if type(robot) is not int or robot not in self._robots:
             return "there is no such robot in this run"
         child = self._robots[robot]
@@ -100,6 +101,10 @@ class ProcessFaults:
     def _perform(self, request: Mapping[str, Any], robot: Who, child: Child) -> str:
         dead = child.exit_code() is not None
         do = request.get("do")
+        if robot == ROUTER and do not in ("kill", "crash"):
+            return "the router can be killed only, and is then started again by itself"
+        if robot == WORLD and do not in ("kill", "crash", "stop", "start", "restart"):
+            return "the world can be killed, stopped, started and restarted only"
         if do in ("start", "restart"):
             if dead:
                 return self._restart(robot, child)
@@ -107,22 +112,25 @@ class ProcessFaults:
             return f"{called(robot)} {runs[do]}"
         if dead:
             return f"{called(robot)} is dead{' already' if do in ('kill', 'stop', 'crash') else ''}"
-        if isinstance(robot, str):
-            if do == "kill":
-                return self._kill(robot, child, request.get("signal"))
-            return self._stop(child) if do == "stop" else "the world can be killed, stopped, started and restarted only"
-        length = request.get("for_s")
         orders: dict[object, Callable[[], str]] = {
             "kill": lambda: self._kill(robot, child, request.get("signal")),
             "crash": lambda: self._crash(robot, child),
             "stop": lambda: self._stop(child),
+        }
+        if not isinstance(robot, str):
+            orders |= self._own_orders(request, robot, child)
+        order = orders.get(do) if isinstance(do, str) else None
+        return "unknown request" if order is None else order()
+
+    def _own_orders(self, request: Mapping[str, Any], robot: int, child: Child) -> dict[object, Callable[[], str]]:
+        """Return the orders that robots alone take."""
+        length = request.get("for_s")
+        return {
             "stall": lambda: self._stall(robot, child, length),
             "slow": lambda: self._slow(robot, child, length, request.get("every_s")),
             "pause": lambda: self._pause(robot, child),
             "unpause": lambda: self._unpause(robot, child),
         }
-        order = orders.get(do) if isinstance(do, str) else None
-        return "unknown request" if order is None else order()
 
     def _kill(self, robot: Who, child: Child, number: object) -> str:
         if number is None:
@@ -132,15 +140,19 @@ class ProcessFaults:
         if number in OWN_ORDERS:
             return f"{signal.Signals(number).name} is sent by the order {OWN_ORDERS[signal.Signals(number)]}"
         self.killed.add(child.name)
-        self._continue(child.name)
-        child.process.send_signal(number)
-        self.entries.append({"at": self._stamp(), "kill": robot})
-        return ""
+        return self._strike(robot, child, number)
 
-    def _crash(self, robot: int, child: Child) -> str:
+    def _crash(self, robot: Who, child: Child) -> str:
         self.crashed.add(child.name)
+        return self._strike(robot, child, signal.SIGKILL)
+
+    def _strike(self, robot: Who, child: Child, number: int) -> str:
         self._continue(child.name)
-        child.process.send_signal(signal.SIGKILL)
+        # The answer to an order from another machine leaves through the router: 0.2 s are ample for that.
+        if robot == ROUTER:
+            asyncio.get_running_loop().call_later(0.2, child.process.send_signal, number)
+        else:
+            child.process.send_signal(number)
         self.entries.append({"at": self._stamp(), "kill": robot})
         return ""
 
@@ -157,7 +169,7 @@ class ProcessFaults:
         except OSError as error:
             return f"{called(robot)} cannot be started: {error.strerror or error}"
         if isinstance(robot, str):
-            self.world = started
+            self.services[robot] = started
         else:
             self._robots[robot] = started
         self.entries.append({"at": self._stamp(), "restart": robot})

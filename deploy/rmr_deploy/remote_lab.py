@@ -22,7 +22,7 @@ from rmr_deploy.event_log import EVENTS_FILE
 from rmr_deploy.host_company import GONE_S
 from rmr_deploy.run_choice import FleetError, Remote
 from rmr_deploy.run_logs import RunLogs
-from rmr_deploy.run_requests import RequestError, UnansweredError, read_answer, told_by
+from rmr_deploy.run_requests import RequestError, UnansweredError, Who, read_answer, told_by
 
 
 @contextmanager
@@ -120,8 +120,10 @@ class RemoteLab:
             if isinstance(said, wire.HostAnswer)
         ]
 
-    def home(self, robot: int) -> str:
-        """Return the host of a robot."""
+    def home(self, robot: Who) -> str:
+        """Return the host of a robot, of the world or of the router."""
+        if isinstance(robot, str):
+            return self.hub
         return next(host for host, robots in self.shares.items() if robot in robots)
 
     def ask(self, request: Mapping[str, Any], _patience_s: float | None = None) -> dict[str, Any]:
@@ -174,7 +176,7 @@ class RemoteLab:
 
     # --- logs
 
-    def logs(self, robots: Sequence[int], *, events_only: bool) -> list[RunLogs]:
+    def logs(self, robots: Sequence[Who], *, events_only: bool) -> list[RunLogs]:
         """Return the logs of each host that takes part in the lab."""
         hosts = sorted(host for host, robots_there in self.shares.items() if robots_there or host == self.hub)
         return [HostLogs(self, host, robots, events_only=events_only) for host in hosts]
@@ -236,7 +238,7 @@ def _rows_of(host: str, rows: list[dict[str, Any]], word: str, *, itself: bool) 
 class HostLogs(RunLogs):
     """The logs of one host's part of a run, as its launcher tells them."""
 
-    def __init__(self, lab: RemoteLab, host: str, robots: Sequence[int], *, events_only: bool) -> None:
+    def __init__(self, lab: RemoteLab, host: str, robots: Sequence[Who], *, events_only: bool) -> None:
         super().__init__(Path(), robots, events_only=events_only)
         self.host = f"{host}/"
         self._lab = lab

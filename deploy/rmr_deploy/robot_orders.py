@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rmr.bus.keys import WORLD
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun, recorded_run
 from rmr_deploy.fleet_listing import told_status
 from rmr_deploy.run_choice import FleetError, Remote, Steered, check_robots, chosen_run, shown
-from rmr_deploy.run_requests import RequestError, UnansweredError, UnwrittenError, Who, called
+from rmr_deploy.run_requests import ROUTER, RequestError, UnansweredError, UnwrittenError, Who, base_name, called
 
 POLL_S = 0.05
 START_S = 35.0
@@ -73,9 +72,6 @@ def give_order(
     """
     run = there or chosen_run(folder, lab)
     check_robots(run, [robot for robot in robots if isinstance(robot, int)])
-    if WORLD in robots and there is not None:
-        where = f"on its own host, which is {there.hub}, without --connect"
-        raise FleetError(f"the connection goes through the world: order this {where}")
     if not run.launched:
         raise FleetError(f"the launcher of lab {run.lab} is dead; rmr down ends what is left", ExitCode.FAILED)
     if verb != "start":
@@ -130,7 +126,8 @@ def _order(run: Steered, verb: str, robot: Who, more: Mapping[str, float], timeo
         return
     _ask(run, {"do": verb, "robot": robot, **more})
     # Signals after which the process ends.
-    if verb == "kill" and more.get("signal") in {signal.SIGKILL, signal.SIGTERM, signal.SIGINT}:
+    # The router has followed itself by then, and on another machine nothing could be asked meanwhile.
+    if verb == "kill" and robot != ROUTER and more.get("signal") in {signal.SIGKILL, signal.SIGTERM, signal.SIGINT}:
         _wait_for_end(run, robot, KILL_S)
 
 
@@ -172,9 +169,9 @@ def _process(run: Steered, robot: Who) -> dict[str, Any]:
     if told is None:
         assert isinstance(run, LaunchedRun), "a lab on other machines answers, or ends the verb"
         processes = recorded_run(run.folder).processes or run.processes
-        found = [one for one in processes if one.name.partition(".")[0] == base]
+        found = [one for one in processes if base_name(one.name) == base]
         return {"name": found[-1].name if found else "", "state": "running" if found and found[-1].lives else "ended"}
-    if base == WORLD:
-        return next(dict(one) for one in reversed(told["processes"]) if one["name"].partition(".")[0] == base)
+    if isinstance(robot, str):
+        return next(dict(one) for one in reversed(told["processes"]) if base_name(one["name"]) == base)
     name = next(one["process"] for one in told["robots"] if one["robot"] == robot)
     return next(dict(one) for one in told["processes"] if one["name"] == name)

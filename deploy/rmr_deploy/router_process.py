@@ -46,7 +46,7 @@ def perform(options: argparse.Namespace) -> int:
     try:
         secret = secret_of_listener(options.secret, makes=not options.connect)
         if isinstance(secret, Certificate):
-            secret.check_role("router")
+            secret.check_role("router", "world")  # that of a world may listen, too: `rmr up` has no other there
     except (SecretError, CertificateError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID

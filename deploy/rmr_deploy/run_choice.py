@@ -17,6 +17,7 @@ from rmr_deploy.active_runs import (
     recorded_run,
     register_places,
 )
+from rmr_deploy.run_requests import Who
 
 
 class Steered(Protocol):
@@ -49,7 +50,7 @@ class Steered(Protocol):
 class Remote(Steered, Protocol):
     """A lab over several hosts, which are asked on the bus (`rmr_deploy.remote_lab`)."""
 
-    def logs(self, robots: Sequence[int], *, events_only: bool) -> list[Any]:
+    def logs(self, robots: Sequence[Who], *, events_only: bool) -> list[Any]:
         """Return the logs of each host (`rmr_deploy.run_logs.RunLogs`)."""
 
     @property
@@ -183,9 +184,9 @@ def shown(folder: Path) -> str:
     return str(folder.relative_to(here)) if folder.is_relative_to(here) and folder != here else str(folder)
 
 
-def check_robots(run: Steered, robots: Iterable[int]) -> None:
-    """Raise FleetError if the lab of `run` lacks one of `robots`."""
-    unknown = [robot for robot in robots if run.roster and robot not in run.roster]
+def check_robots(run: Steered, robots: Iterable[Who]) -> None:
+    """Raise FleetError if the lab of `run` lacks one of `robots`. Of world and router the launcher knows."""
+    unknown = [robot for robot in robots if run.roster and type(robot) is int and robot not in run.roster]
     if unknown:
         raise FleetError(f"lab {run.lab} has no robot {unknown[0]}: it has {spelled(run.roster)}")
 

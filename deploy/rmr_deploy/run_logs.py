@@ -17,6 +17,7 @@ from rmr.entry import ExitCode
 from rmr_deploy.active_runs import LaunchedRun
 from rmr_deploy.event_log import EVENTS_FILE, WHO
 from rmr_deploy.run_choice import FleetError, Remote, check_robots, chosen_run, shown
+from rmr_deploy.run_requests import Who, base_name
 
 POLL_S = 0.1
 """Period with which logs are read on."""
@@ -42,10 +43,11 @@ class LogLine(NamedTuple):
 class RunLogs:
     """The logs of a run, read as they grow."""
 
-    def __init__(self, folder: Path, robots: Sequence[int] = (), *, events_only: bool = False) -> None:
-        """`robots` are those that are wanted; without any all are, and the world."""
+    def __init__(self, folder: Path, robots: Sequence[Who] = (), *, events_only: bool = False) -> None:
+        """`robots` are those that are wanted, the world or the router; without any all are."""
         self._folder = folder
         self._robots = frozenset(robots)
+        self._processes = {robot if isinstance(robot, str) else f"robot-{robot}" for robot in robots}
         self._events_only = events_only
         self.host = ""
         """The host of the run and a slash, before the names of its processes; empty for a run on this machine."""
@@ -103,11 +105,12 @@ class RunLogs:
     def _wanted(self, line: LogLine) -> bool:
         if self._events_only or not self._robots:
             return True
+        process = base_name(line.who)
+        # Whatever world or router say, of robots, too, and what is said of their processes.
+        if process in self._robots or base_name(str(line.fields.get("process", ""))) in self._robots:
+            return True
         robot = line.fields.get("robot")
-        if type(robot) is int:
-            return robot in self._robots
-        process = line.who.removeprefix(self.host)
-        return any(process == f"robot-{one}" or process.startswith(f"robot-{one}.") for one in self._robots)
+        return process in self._processes if robot is None else type(robot) in (int, str) and robot in self._robots
 
 
 def log_files(folder: Path, *, events_only: bool = False) -> list[Path]:
@@ -178,7 +181,7 @@ def json_line(line: LogLine) -> str:
 def show_logs(
     folder: Path | None,
     lab: str | None,
-    robots: Sequence[int] = (),
+    robots: Sequence[Who] = (),
     *,
     follow: bool,
     since_s: float | None,

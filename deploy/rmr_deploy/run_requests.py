@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rmr.base.file_errors import disk_of, naming
 from rmr.bus.keys import WORLD
@@ -42,13 +42,29 @@ REQUEST_FIELDS = ("do", "robot", "signal", "for_s", "every_s")
 """What a request may have."""
 
 
-Who = int | Literal["world"]
+ROUTER: Final = "router"
+"""The name of the router of a lab over several hosts, in place of a robot's id."""
+
+Service = Literal["world", "router"]
+"""A process without which no run goes on."""
+
+Who = int | Service
 """Whom an order is about."""
 
 
-def called(who: Who) -> str:
-    """Return ``robot 3`` or ``the world``."""
-    return "the world" if who == WORLD else f"robot {who}"
+def called(who: object) -> str:
+    """Return ``robot 3``, ``the world`` or ``the router``."""
+    return f"the {who}" if isinstance(who, str) else f"robot {who}"
+
+
+def service_named(name: object) -> Service | None:
+    """Return the service that a request calls `name`, or a person."""
+    return "world" if name == WORLD else "router" if name == ROUTER else None
+
+
+def base_name(process: str) -> str:
+    """Return ``robot-3`` of ``c/robot-3.1``: the name without the host, and the number of a later process."""
+    return process.rpartition("/")[2].partition(".")[0]
 
 
 class RequestError(Exception):

@@ -77,6 +77,8 @@ class StatusMonitor:
         """The newest status of each robot's present incarnation."""
         self.world: wire.Status | None = None
         self.truth: wire.Truth | None = None
+        self.world_there = False
+        """Whether the world has a liveliness token."""
         self.present: set[int] = set()
         """Robots with a liveliness token, and those whose tokens have vanished with the connection."""
         self._came: set[int] = set()
@@ -160,6 +162,7 @@ class StatusMonitor:
             asyncio.get_running_loop().call_later(RETURN_S, self._judge, robot, not self.bus.connected)
 
     def _world_alive(self, _key: str, alive: bool) -> None:
+        self.world_there = alive
         if not alive:
             self._speakers[wire.WORLD_ID].vanished()
 

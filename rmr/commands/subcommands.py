@@ -59,7 +59,7 @@ FLEET: dict[str, str] = {
     "stats": "Show processor time and memory of the processes, each second.",
     "facts": "Show the facts that robots hold; also after the run.",
     "config": "Show the lab of a run, or a lab file, with all defaults.",
-    "kill": "Kill robots, or send them another signal.",
+    "kill": "Kill robots or the world, or send them another signal.",
     "stop": "Stop robots in order; the run goes on without them.",
     "start": "Start robots again that have ended.",
     "restart": "Start robots again, with --force also those that run.",

@@ -162,12 +162,18 @@ def test_a_world_that_is_killed_on_request_is_waited_for_until_it_is_started(up,
     assert rmr(run, "kill", "world").stderr == "rmr kill: the world is dead already\n"
     assert rmr(run, "restart", "world").stdout == "the world is started again\n"
     eventually(lambda: "lab time runs" in (run.folder / "logs" / "world.1.out").read_text())
+    whose = {line.split(" s ")[1].split()[0] for line in rmr(run, "logs", "world").stdout.splitlines()}
+    assert whose == {"world", "world.1", "rmr"}
+    assert rmr(run, "fault", "kill", "world").stdout == "the world is killed\n"
+    log = run.folder / "logs" / "world.2.jsonl"
+    eventually(lambda: log.exists() and "lab time runs" in log.read_text())
     assert rmr(run, "restart", "--force", "world").stdout == "the world is started again\n"
     assert run.wait(120) == 0, run.out + run.err
     report = run.report()
-    assert (report["finished"], report["world"], report["died"]) == (True, {"restarts": 2}, {"world": -9})
+    assert (report["finished"], report["world"]) == (True, {"restarts": 3})
+    assert report["died"] == {"world": -9, "world.1": -9}
     faults = [{key: entry[key] for key in entry if key != "at"} for entry in report["faults"]]
-    assert faults == [{"kill": "world"}, {"restart": "world"}, {"restart": "world"}]
+    assert faults == [{"kill": "world"}, {"restart": "world"}, {"kill": "world"}, {"restart": "world"}]
 
 
 @pytest.mark.timeout(300)
@@ -185,8 +191,13 @@ def test_a_world_that_dies_again_and_again_ends_the_lab(up):
 
 def test_a_world_that_keeps_no_state_is_not_killed_by_a_verb(up):
     run = up(DASH, "--no-view").running()
-    assert rmr(run, "kill", "world").stderr == (
-        "rmr kill: the world keeps no state, and the run would end with it: start the lab with rmr up --durable\n"
+    for words in (("kill", "world"), ("fault", "kill", "world")):
+        assert rmr(run, *words).stderr == (
+            f"rmr {' '.join(words[:-1])}: the world keeps no state, and the run would end with it: "
+            "start the lab with rmr up --durable\n"
+        )
+    assert rmr(run, "kill", "router").stderr == (
+        "rmr kill: there is no router in this run but its world, to which all connect\n"
     )
     assert run.wait() == 0
     assert "world" not in run.report()

@@ -185,7 +185,7 @@ def test_the_keys_of_another_robot_or_role_are_refused(lab):
     said = lab.refused(*agent(lab, "--connect", lab.stage.endpoint, "--keys", lab.keys("robot/2")), code=3)
     assert "the keys of robot/2, where those of robot/1 are needed" in said
     said = lab.refused("rmr_deploy.router", "--keys", lab.keys("robot/2"), code=3)
-    assert "the keys of robot/2, where those of router are needed" in said
+    assert "the keys of robot/2, where those of router or world are needed" in said
 
 
 def foreign(lab, who="robot/1"):

@@ -20,6 +20,27 @@ from rmr.bus.secret import make_secret
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
+SOON_S = 30.0
+"""Far below the minute for which a launcher that is silent is waited for, and enough to stop three hosts in order."""
+
+
+ORDER = """
+import asyncio, os, sys
+from pathlib import Path
+from rmr.bus import wire
+from rmr.bus.certificates import read_credentials
+from rmr.bus.keys import Keys
+from rmr.bus.session import open_bus
+
+async def order():
+    endpoint, keys, request = sys.argv[1:]
+    bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=read_credentials(Path(keys)))
+    print(len(await bus.ask(Keys("corridor").order("a"), wire.HostOrder(request.encode()), 2.0)), "answers", flush=True)
+    os._exit(0)
+
+asyncio.run(order())
+"""
+
 
 @pytest.fixture
 def network():
@@ -64,6 +85,12 @@ class Hosts:
         environment = os.environ | {"RMR_REGISTER": str(self.folder / "nothing")}
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, env=environment)
 
+    def order_by_force(self, host, endpoint, keys, request):
+        """Send an order to the launcher of host a from `host`, as a program that asks for no role would."""
+        command = [*self.network.on(host), sys.executable, "-c", ORDER, endpoint, keys, json.dumps(request)]
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=60)
+        return done.stdout
+
     @property
     def place(self):
         """The options of a verb on another machine."""
@@ -75,10 +102,11 @@ class Hosts:
             logs = (self.folder / host / "logs").glob("*.jsonl")
             wait_until(lambda logs=list(logs): any('"lineup' in log.read_text() for log in logs))
 
-    def kill(self, host, robot):
-        """Kill the process of a robot as a failure would."""
+    def kill(self, host, process):
+        """Kill a process as a failure would; return when, on the monotonic clock."""
         pids = json.loads((self.folder / host / "processes.json").read_text())["processes"]
-        os.kill(pids[f"robot-{robot}"], signal.SIGKILL)
+        os.kill(pids[process], signal.SIGKILL)
+        return time.monotonic()
 
     def report(self):
         """Return the report of the run."""
@@ -128,7 +156,7 @@ def ended(started):
 
 def test_a_robot_that_dies_is_started_again_by_its_host(hosts):
     started = hosts.all_up(c=("--restart", "on-failure"))
-    hosts.kill("c", 5)
+    hosts.kill("c", "robot-5")
     started["c"].wait_for("robot 5 is started again")
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
     report = hosts.report()
@@ -142,14 +170,7 @@ def test_a_robot_that_dies_is_started_again_by_its_host(hosts):
 def test_a_world_that_is_killed_comes_back_and_the_robots_of_all_hosts_go_on(hosts):
     started = hosts.all_up(a=("--durable",))
     hosts.wait_until_driving()
-    pids = json.loads((hosts.folder / "a" / "processes.json").read_text())["processes"]
-    refused = hosts.ask("d", "kill", "world", *hosts.place)
-    assert refused.stderr == (
-        "rmr kill: the connection goes through the world: order this on its own host, which is a, without --connect\n"
-    )
-    refused = hosts.ask("b", "kill", "world", "--run", hosts.folder / "b")
-    assert refused.stderr == "rmr kill: the world is on host a: give the order there\n"
-    os.kill(pids["world"], signal.SIGKILL)
+    hosts.kill("a", "world")
     started["a"].wait_for("the world is started again")
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
     report = hosts.report()
@@ -170,9 +191,116 @@ def test_a_world_that_is_killed_comes_back_and_the_robots_of_all_hosts_go_on(hos
     assert joined.returncode == 0, joined.stderr
 
 
+def test_the_world_is_killed_and_started_again_from_every_machine(hosts):
+    started = hosts.all_up(a=("--durable",))
+    hosts.wait_until_driving()
+
+    def ask(*words):
+        return hosts.ask("d", *words, *hosts.place)
+
+    def ask_b(*words):
+        return hosts.ask("b", *words, "--run", hosts.folder / "b")
+
+    def state_of_world(told):
+        return next(line.split()[1] for line in reversed(told.stdout.splitlines()) if "/world" in line)
+
+    assert ask("pause", "5").stdout == "robot 5 is paused\n"  # it keeps the run from its end
+    assert ask("kill", "world").stdout == "the world is killed\n"
+    assert ask("kill", "world").stderr == "rmr kill: the world is dead already\n"
+    assert ask_b("kill", "world").stderr == "rmr kill: the world is dead already\n"
+    assert (state_of_world(ask("ps", "-a")), state_of_world(ask_b("ps", "-a"))) == ("killed", "ended")
+    assert ask_b("restart", "world").stdout == "the world is started again\n"
+    wait_until(lambda: state_of_world(ask_b("ps", "-a")) == "running")
+    assert ask("fault", "kill", "world").stdout == "the world is killed\n"
+    started["a"].wait_for("the world is started again", times=2)  # as after a failure
+    assert ask("unpause", "5").stdout == "robot 5 is going on\n"
+    whose = {line.split(" s ")[1].split()[0] for line in ask("logs", "world").stdout.splitlines()}
+    assert whose == {"a/world", "a/world.1", "a/world.2", "a/rmr"}
+    assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
+    report = hosts.report()
+    assert (report["finished"], report["dead"], report["collisions"]) == (True, [], 0)
+    assert (report["world"], report["died"]) == ({"restarts": 2}, {"world": -9, "world.1": -9})
+    assert {part["restarts"] for part in report["robots"].values()} == {0}
+
+
+def test_a_router_that_is_killed_is_started_again_and_all_go_on(hosts):
+    started = hosts.all_up()
+    hosts.wait_until_driving()
+
+    def ask(*words):
+        return hosts.ask("d", *words, *hosts.place)
+
+    def listens(router):
+        log = hosts.folder / "a" / "logs" / f"{router}.jsonl"
+        wait_until(lambda: log.exists() and "a router at" in log.read_text())
+
+    assert ask("pause", "5").stdout == "robot 5 is paused\n"  # it keeps the run from its end
+    assert ask("kill", "router").stdout == "the router is killed\n"
+    listens("router.1")
+    hosts.kill("a", "router.1")
+    listens("router.2")
+    for words, code, why in (
+        (("stop", "router"), 1, "stop: the router can be killed only, and is then started again by itself\n"),
+        (("fault", "stall", "router"), 1, "fault stall: the router can be killed only, and is then started again"),
+        (("kill", "word"), 2, "write ids such as 4, 2-3 or 0-5,9; or world, or router\n"),
+    ):
+        refused = ask(*words)
+        assert (refused.returncode, refused.stdout) == (code, "")
+        assert why in refused.stderr
+    assert ask("unpause", "5").stdout == "robot 5 is going on\n"
+    whose = {line.split(" s ")[1].split()[0] for line in ask("logs", "router").stdout.splitlines()}
+    assert whose == {"a/router", "a/router.1", "a/router.2", "a/rmr"}
+    assert ended(started) == {"a": 0, "b": 0, "c": 0}, started["a"].said()
+    report = hosts.report()
+    assert (report["finished"], report["dead"], report["collisions"]) == (True, [], 0)
+    assert report["died"] == {"router": -9, "router.1": -9}
+    assert {part["restarts"] for part in report["robots"].values()} == {0}
+
+
+def test_a_world_that_keeps_no_state_is_killed_by_no_verb_and_its_death_ends_the_run_on_all_hosts_at_once(hosts):
+    started = hosts.all_up()
+    for refused in (
+        hosts.ask("d", "kill", "world", *hosts.place),
+        hosts.ask("d", "fault", "kill", "world", *hosts.place),
+        hosts.ask("b", "kill", "world", "--run", hosts.folder / "b"),
+    ):
+        assert (refused.returncode, refused.stdout) == (1, "")
+        assert ": the world keeps no state, and the run would end with it: start the lab with rmr up" in refused.stderr
+    died = hosts.kill("a", "world")
+    assert ended(started) == {"a": 1, "b": 1, "c": 1}
+    assert time.monotonic() - died < SOON_S
+    for host in "bc":
+        assert f"world died; the report is on host a, in {hosts.folder / 'a'}" in started[host].said()
+    assert hosts.report()["reason"] == "world died"
+
+
+def test_a_world_that_is_not_started_again_ends_the_run_on_all_hosts_at_once(hosts):
+    started = hosts.all_up(a=("--durable", "--restart", "on-failure:1"))
+    hosts.kill("a", "world")
+    started["a"].wait_for("the world is started again")
+    died = hosts.kill("a", "world.1")
+    assert ended(started) == {"a": 1, "b": 1, "c": 1}
+    assert time.monotonic() - died < SOON_S
+    for host in "bc":
+        assert "the world died 2 times, and is not started again; the report is on host a" in started[host].said()
+
+
+def test_a_launcher_that_is_gone_itself_is_waited_for_and_that_is_said(hosts):
+    started = hosts.all_up()
+    started["a"].send(signal.SIGKILL)
+    killed = time.monotonic()
+    for host in "bc":
+        started[host].wait_for(
+            "no word of host a, which has the world of lab corridor; waiting for it to return, for 60 s"
+        )
+        assert started[host].process.wait(90) == 1
+        assert "no word of host a, which has the world of lab corridor, for 60 s" in started[host].said()
+    assert 60 < time.monotonic() - killed < 90
+
+
 def test_a_robot_that_dies_ends_the_run_on_all_hosts(hosts):
     started = hosts.all_up()
-    hosts.kill("c", 5)
+    hosts.kill("c", "robot-5")
     assert ended(started) == {"a": 1, "b": 1, "c": 1}
     for one in started.values():
         assert "robot 5 on host c died" in one.said()
@@ -252,7 +380,11 @@ def test_hosts_with_keys_are_one_lab_and_each_has_its_own_bundles_alone(hosts):
     keys = {"a": hosts.folder / "ca", "b": hosts.folder / "keys-b", "c": hosts.folder / "keys-c"}
     for who in (holder("operator", "ann"), holder("viewer", "bob")):
         write_bundle(ca.bundle(who), hosts.folder / who.name)
-    started = {host: hosts.up(host, lab=lab, admission=("--keys", folder)) for host, folder in keys.items()}
+    durable = {"a": ("--durable",)}
+    started = {
+        host: hosts.up(host, *durable.get(host, ()), lab=lab, admission=("--keys", folder))
+        for host, folder in keys.items()
+    }
     started["a"].wait_for("robots ready after")
     place = ("--connect", f"tls/{hosts.network.address('a')}:17447", "--keys")
     assert "c/robot-4" in hosts.ask("d", "ps", *place, hosts.folder / "bob").stdout
@@ -261,9 +393,21 @@ def test_hosts_with_keys_are_one_lab_and_each_has_its_own_bundles_alone(hosts):
         "/bob: the keys of viewer/bob, where those of operator are needed; issue them with rmr keys issue\n"
     )
     assert hosts.ask("d", "pause", "4", *place, hosts.folder / "ann").stdout == "robot 4 is paused\n"
+    for who, keys in (("viewer/bob", hosts.folder / "bob"), ("robot/1", hosts.folder / "keys-b" / "robot-1")):
+        for words in (("kill", "world"), ("fault", "kill", "router")):
+            refused = hosts.ask("d", *words, *place, keys)
+            assert (refused.returncode, refused.stdout) == (3, "")
+            assert f"the keys of {who}, where those of operator are needed" in refused.stderr
+        answers = hosts.order_by_force("d", place[1], keys, {"do": "kill", "robot": "world"})
+        assert answers == "0 answers\n", "the router carries no order of them, even of another program"
+    given = hosts.order_by_force("d", place[1], hosts.folder / "ann", {"do": "pause", "robot": "world"})
+    assert given == "1 answers\n"
+    assert hosts.ask("d", "kill", "world", *place, hosts.folder / "ann").stdout == "the world is killed\n"
+    assert hosts.ask("d", "restart", "world", *place, hosts.folder / "ann").stdout == "the world is started again\n"
     assert hosts.ask("d", "unpause", "4", *place, hosts.folder / "ann").stdout == "robot 4 is going on\n"
     assert ended(started) == {"a": 0, "b": 0, "c": 0}, [one.said() for one in started.values()]
     assert (hosts.report()["finished"], hosts.report()["dead"]) == (True, [])
+    assert (hosts.report()["world"], hosts.report()["died"]) == ({"restarts": 1}, {"world": -9})
 
 
 def test_a_robot_is_shown_and_steered_from_every_host(hosts):
@@ -273,8 +417,10 @@ def test_a_robot_is_shown_and_steered_from_every_host(hosts):
         return hosts.ask(host, *words, "--run", hosts.folder / host)
 
     shown = ask("a", "ps").stdout
-    assert [line.split()[0] for line in shown.splitlines()[3:]] == [f"{'bc'[n > 3]}/robot-{n}" for n in range(1, 7)]
-    assert [line.split()[0] for line in ask("b", "ps").stdout.splitlines()[5:]] == [f"c/robot-{n}" for n in (4, 5, 6)]
+    assert [line.split()[0] for line in shown.splitlines()[4:]] == [f"{'bc'[n > 3]}/robot-{n}" for n in range(1, 7)]
+    assert [line.split()[0] for line in ask("b", "ps").stdout.splitlines()[5:]] == [
+        *("a/world", "c/robot-4", "c/robot-5", "c/robot-6")
+    ]
     assert ask("a", "kill", "4").stdout == "robot 4 is killed\n"
     assert ask("a", "kill", "4").stderr == "rmr kill: robot 4 is dead already\n"
     assert "kill robot 4" in ask("c", "events").stdout
@@ -302,7 +448,7 @@ def test_a_lab_is_shown_steered_and_ended_from_a_machine_that_is_no_host(hosts):
 
     names = [line.split()[0] for line in ask("ps").stdout.splitlines()]
     assert names == [
-        *("NAME", "a/launcher", "a/world", "b/launcher", "b/robot-1", "b/robot-2", "b/robot-3"),
+        *("NAME", "a/launcher", "a/router", "a/world", "b/launcher", "b/robot-1", "b/robot-2", "b/robot-3"),
         *("c/launcher", "c/robot-4", "c/robot-5", "c/robot-6"),
     ]
     assert ask("kill", "4").stdout == "robot 4 is killed\n"
@@ -450,7 +596,9 @@ def test_the_commands_of_the_page_do_what_it_says(page_hosts):
     for one in started.values():
         one.wait_for("robots ready after")
     asked = re.findall(r"^\$ (rmr .*)\n((?:(?!\$ |```).*\n)*)", section, re.M)
-    assert [command.split()[1] for command, _ in asked] == ["ps", "kill", "restart", "events", "down"]
+    assert [command.split()[1] for command, _ in asked] == [
+        *("ps", "kill", "restart", "fault", "logs", "events", "down")
+    ]
     (listed, drives), *others = asked
     wait_until(lambda: shown_as(drives, page_hosts.run("d", listed)))  # robot 1 has begun to drive
     for command, expected in others:

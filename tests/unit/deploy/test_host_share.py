@@ -13,7 +13,15 @@ from rmr.bus.authority import Authority, holder, write_bundle
 from rmr.bus.secret import make_secret, read_secret
 from rmr_deploy.host_company import GONE_S, HostCompany
 from rmr_deploy.host_share import difference
-from rmr_deploy.preparation import RunPlan, RunRefusedError, agent_command, endpoint_of, make_plan, world_command
+from rmr_deploy.preparation import (
+    RunPlan,
+    RunRefusedError,
+    agent_command,
+    endpoint_of,
+    make_plan,
+    router_command,
+    world_command,
+)
 from rmr_deploy.run_options import RunOptions
 from rmr_deploy.run_outcome import RunOutcome, read_befell
 from rmr_deploy.up import command
@@ -54,9 +62,12 @@ def test_the_host_of_the_world_starts_it_for_all_and_its_own_robots(folder):
     made = plan(folder, "a")
     assert (made.has_world, made.robots, made.process_robots) == (True, (1,), [(1,)])
     assert endpoint_of(made) == "tcp/127.0.0.1:17447"
-    words = world_command(made, endpoint_of(made))
+    words = router_command(made, made.share)
     assert words[words.index("--listen") + 1] == "tcp/0.0.0.0:17447"
     assert "--open" not in words
+    words = world_command(made, endpoint_of(made))
+    assert words[words.index("--connect") + 1] == "tcp/127.0.0.1:17447"
+    assert "--listen" not in words
     assert read_secret(made.secret).password == read_secret(folder / "secret").password
 
 
@@ -72,7 +83,8 @@ def test_an_open_world_says_so_and_has_no_secret(folder, capsys):
     made = plan(folder, "a", secret=None, opened=True)
     said = "rmr up: open: whoever reaches tcp/10.0.0.5:17447 can drive the robots and end the run\n"
     assert capsys.readouterr().err == said
-    assert "--open" in world_command(made, endpoint_of(made))
+    assert "--open" in router_command(made, made.share)
+    assert "--open" not in world_command(made, endpoint_of(made))
     assert not made.secret.exists()
     assert made.credentials is None
     assert "--secret" not in agent_command(made, (1,), endpoint_of(made))
@@ -84,11 +96,11 @@ def test_the_host_of_the_world_makes_the_secret(folder, capsys):
     assert "copy it to the other hosts" in capsys.readouterr().err
 
 
-def test_a_world_that_is_reached_by_loopback_listens_there_alone(folder):
+def test_a_router_that_is_reached_by_loopback_listens_there_alone(folder):
     text = "hosts:\n  a: {address: 127.0.0.1, world: true}\n  b: {robots: 1-6, router: false}\n"
     (folder / "hosts.yaml").write_text(text)
     made = plan(folder, "a")
-    words = world_command(made, endpoint_of(made))
+    words = router_command(made, made.share)
     assert words[words.index("--listen") + 1] == "tcp/127.0.0.1:17447"
 
 
