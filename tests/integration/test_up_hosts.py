@@ -308,7 +308,7 @@ def test_a_robot_that_dies_ends_the_run_on_all_hosts(hosts):
     assert (report["finished"], report["dead"], report["reason"]) == (False, [5], "robot 5 on host c died")
 
 
-@pytest.mark.parametrize("length_s", [2.0, 10.0])
+@pytest.mark.parametrize("length_s", [2.0, 10.0, 30.0])
 def test_a_host_that_is_cut_off_comes_back_and_the_others_keep_their_world(hosts, length_s):
     started = hosts.all_up()
     hosts.wait_until_driving()
