@@ -3,8 +3,8 @@
     starting -> running -> stopping -> over
         any of them ends early when a process dies, time is up, or a person says so
 
-- *Start.* The world is the router and starts first. Robots are started at once and connect when it listens, so that
-  the start takes as long as its slowest process. The lab clock begins when every robot is ready
+- *Start.* The world starts first, which on one machine is the router. Robots are started at once and connect when it
+  listens, so that the start takes as long as its slowest process. The lab clock begins when every robot is ready
   (``rmr-world --when-ready``).
 - *End.* A run is over when the robots of the lab's quorum hold the finish fact, when the lab's duration has passed, or
   when a process has died. Robots stop before the world, which tells the final state last.

@@ -179,10 +179,10 @@ def _write_film(data: "RunData", path: Path, speed: float | None) -> int:
     from rmr.base.file_errors import naming
     from rmr_view.animation import animation
 
-    drawn = animation(data, speed)
+    drawn = animation(data, speed).encode()
     path.parent.mkdir(parents=True, exist_ok=True)
     with naming(path):
-        path.write_text(drawn)
+        path.write_bytes(drawn)
     print(path)
     return ExitCode.OK
 

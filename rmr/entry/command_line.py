@@ -215,6 +215,7 @@ EXTRAS: Final = {
     "cloudpickle": ("Dask", "cluster"),
     "cryptography": ("cryptography", "keys"),
     "distributed": ("Dask", "cluster"),
+    "lsprotocol": ("pygls", "editor"),
     "matplotlib": ("matplotlib", "plot"),
     "pygls": ("pygls", "editor"),
     "websockets": ("websockets", "foxglove"),

@@ -285,26 +285,27 @@ class Driver:
         places = spots(self.arena, area)
         index = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
         claims = [(robot, hello, Point(*hello.goal)) for robot, hello in peers.claims(now) if hello.goal is not None]
-        mine = (rank or NO_RANK, self._robot)
         radius = self.arena.shape.radius
         parked = peers.parked(now)
-        near = self._near_side(area)
+        near = self.near_side(area)
         beyond = [place for place in places if place not in near]
-        for some, by_rank in ((near, False), (beyond, True)):
-            taken = [
-                goal
-                for robot, hello, goal in claims
-                if hello.parked or ((hello.rank or NO_RANK, robot) < mine if by_rank else robot < self._robot)
-            ]
+        for some in (near, beyond):
+            taken = [goal for robot, hello, goal in claims if self._goes_first(robot, hello, rank, near=some is near)]
             found = nearest_free(some, index, taken, radius, parked, 2.0 * radius + TIGHT_MARGIN_M)
             if found is not None:
                 return found
         return places[index % len(places)]
 
-    def _near_side(self, area: Area) -> tuple[Point, ...]:
+    def near_side(self, area: Area) -> tuple[Point, ...]:
         """Return the slots of `area`, if passages divide them, to which the own way leads through none."""
         pose = self.localiser.pose
         return side_of(self.arena, area, pose) if pose is not None and is_divided(self.arena, area) else ()
+
+    def _goes_first(self, source: int, hello: Hello, rank: int, *, near: bool) -> bool:
+        """Return whether robot `source` takes a place, perhaps on the `near` side, before this one of `rank`."""
+        if hello.parked or near:
+            return hello.parked or source < self._robot
+        return (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
 
     def _unranked(self, area: Area) -> int:
         """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""
@@ -336,10 +337,7 @@ class Driver:
         if place is None or self._chosen is None:
             return False
         area, rank, which = self._chosen
-        if place in self._near_side(area):
-            first = hello.parked or source < self._robot
-        else:
-            first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
+        first = self._goes_first(source, hello, rank, near=place in self.near_side(area))
         radius = self.arena.shape.radius
         if first and hello.goal is not None and distance(*place, *hello.goal) <= radius:
             return True

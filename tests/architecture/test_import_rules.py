@@ -2,9 +2,11 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Container
+from importlib import metadata
 from tempfile import TemporaryDirectory
 
 import pytest
@@ -12,6 +14,7 @@ from source_tree import PACKAGES, ROOT, Module, modules, offenders, own_module, 
 
 import rmr
 from rmr.compiled.build import hot
+from rmr.entry.command_line import EXTRAS
 
 MAY_IMPORT: dict[str, set[str]] = {
     "rmr": {"rmr.compiled"},
@@ -217,6 +220,25 @@ def test_a_module_uses_only_the_libraries_of_its_part():
         return foreign - sys.stdlib_module_names - LIBRARIES.get(module.part, set())
 
     assert offenders(unlisted) == {}
+
+
+def test_a_library_that_the_default_install_lacks_is_told_with_what_brings_it():
+    def brought(name: str) -> set[str]:
+        needs = [re.match(r"[\w.-]+", each)[0] for each in metadata.requires(name) or () if "extra ==" not in each]
+        there = {each for each in needs if is_installed(each)}
+        return {normal(name)}.union(*map(brought, there))
+
+    def is_installed(name: str) -> bool:
+        return any(normal(name) == normal(each) for of in distributions.values() for each in of)
+
+    def normal(name: str) -> str:
+        return re.sub(r"[._-]+", "-", name).lower()
+
+    distributions = metadata.packages_distributions()
+    default = brought("rmr-robots")
+    parts = LIBRARIES.keys() - {"rmr.compiled", "rmr_ros"}  # in a clone alone; told by the world
+    used = set().union(*(LIBRARIES[part] for part in parts)) - {"compression", "pygments", "pytest"}  # of who has them
+    assert {each for each in used if default.isdisjoint(map(normal, distributions[each]))} <= EXTRAS.keys()
 
 
 def test_nothing_in_rmr_but_the_bus_touches_network_threads_or_wall_clock():

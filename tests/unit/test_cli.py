@@ -269,6 +269,7 @@ def test_a_package_that_is_not_installed_is_named(capsys):
 @pytest.mark.parametrize(
     ("module", "words", "told"),
     [
+        ("lsprotocol", ["lsp"], "rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it"),
         ("pygls", ["lsp"], "rmr lsp: pygls is not installed; pip install 'rmr-robots[editor]' brings it"),
         (
             "cryptography",

@@ -12,7 +12,6 @@ from typing import Final
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
-from rmr.node.crossing.approach import is_divided, side_of
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.phases import Inside
 from rmr.node.parts import CrossingHost
@@ -97,15 +96,7 @@ class Destinations:
         """Return when the robot may plan: at any time where the route it has, or is to have, leads to no entrance."""
         driver = self._robot.driver
         route = None if driver is None else driver.navigator.route
-        if route is None or route.gate_m is None or self._is_near_side(crossing):
+        if driver is None or route is None or route.gate_m is None:
             return 0
-        return crossing.course.replan_from
-
-    def _is_near_side(self, crossing: Crossing) -> bool:
-        """Return whether the robot is sent to a slot to which its way leads through no passage."""
-        goal = crossing.goal
-        pose = self._robot.pose
-        arena = self._robot.config.arena
-        if goal is None or pose is None or not is_divided(arena, goal):
-            return False
-        return crossing.course.destination in side_of(arena, goal, pose)
+        is_near = crossing.goal is not None and crossing.course.destination in driver.near_side(crossing.goal)
+        return 0 if is_near else crossing.course.replan_from
