@@ -28,6 +28,8 @@ LONGER_MODULES: dict[str, str] = {
     "rmr.node.payloads": "one table of the kinds of frames, with how each is written and read",
     "rmr.record.mcap_scan": "one reader: the index at the end of a file, and the scan where there is none",
     "rmr.vm.generate.body": "the search of a body and that of a fold in it, which need each other",
+    "rmr.vm.generate.facts": "insertion and removal, in a function, in line, and for many facts: one text of each",
+    "rmr.vm.generate.match_search": "the searches of one rule, which share its state, in each way of finding matches",
     "rmr.vm.machine": "what both engines share: one state and the orders that change it",
     "rmr.vm.goal_ways": "one state: steps of the graph, found backwards and kept up to date fact by fact",
     "rmr_deploy.export": "one list of commands, and the forms in which three engines are told them",

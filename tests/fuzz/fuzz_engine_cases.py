@@ -1,9 +1,9 @@
 """The cases of the engines' fuzzer: made from a seed and a number alone, so that each can be repeated.
 
 Most programs are drawn, some of them to search for a goal over a map (`fuzz_search`), to serve goals (`fuzz_serving`),
-or with jobs that compete (`fuzz_pressing`). Some are compiled: every program of the library, the examples and the
-labs; and some are made from either by putting parts of one in the place of parts of another, as long as the verifier
-accepts it.
+with jobs that compete (`fuzz_pressing`), or to consume next to nothing (`fuzz_growing`). Some are compiled: every
+program of the library, the examples and the labs; and some are made from either by putting parts of one in the place
+of parts of another, as long as the verifier accepts it.
 """
 
 from collections import Counter
@@ -17,6 +17,7 @@ from typing import NamedTuple
 from fuzz_broken import broken
 from fuzz_compare import Case, Difference, Seen, difference, expected
 from fuzz_events import Script
+from fuzz_growing import growing
 from fuzz_mutations import parts, restructured
 from fuzz_pressing import pressing
 from fuzz_programs import HOME, Lively
@@ -40,7 +41,7 @@ SOURCES = sorted(
     ]
 )
 
-KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2, *["searching"] * 2, "serving", "pressing"]
+KINDS = ["growing", *["drawn"] * 16, "compiled", *["mutated"] * 2, *["searching"] * 2, "serving", "pressing"]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
 
@@ -50,8 +51,8 @@ ROBOTS = [HOME] * 5 + [2]
 TRACED = 0.7
 """How often facts that come and go are told."""
 
-SMALL_BOUNDS = 0.1
-"""How often the bounds are small."""
+SMALL_BOUNDS = {"drawn": 0.1, "searching": 0.1, "growing": 0.5}
+"""How often the bounds are small; else programs are too small for what an engine does with many matches."""
 
 MUTATIONS = 6
 """How often to try for a mutation that the verifier accepts."""
@@ -80,8 +81,10 @@ def made(seed: int, number: int) -> tuple[str, Case]:
     kind = rng.choice(KINDS)
     program = MAKERS[kind](rng)
     script = Script(program, rng).steps()
-    small = kind in ("drawn", "searching") and rng.random() < SMALL_BOUNDS
-    budget, robot, traced = rng.choice(BUDGETS), rng.choice(ROBOTS), rng.random() < TRACED
+    small = kind in SMALL_BOUNDS and rng.random() < SMALL_BOUNDS[kind]
+    # Where a rule fires many times on end it does so only with a large budget, and while nothing is traced.
+    budgets, told = ([7, 40, 500], 1 - TRACED) if kind == "growing" else (BUDGETS, TRACED)
+    budget, robot, traced = rng.choice(budgets), rng.choice(ROBOTS), rng.random() < told
     return kind, Case(program, tuple(script), budget, f"{seed}/{number}", robot, small, traced)
 
 
@@ -146,6 +149,7 @@ MAKERS = {
     "mutated": _mutated,
     "searching": partial(_drawn, maker=Searching),
     "serving": serving,
+    "growing": growing,
     "pressing": pressing,
 }
 

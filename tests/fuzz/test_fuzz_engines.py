@@ -96,7 +96,7 @@ ALIVE = [
             "RuleRepeats",
         ]
     ),
-    *(f"a program {each}" for each in ("drawn", "compiled", "mutated", "searching", "serving", "pressing")),
+    *(f"a program {each}" for each in ("drawn", "compiled", "mutated", "searching", "serving", "pressing", "growing")),
 ]
 """What must have been alive in some of the cases."""
 

@@ -50,6 +50,9 @@ class FactWriter:
         self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], readers: Sequence[Sequence[RulePlan]]
     ) -> None:
         """`readers` are, by predicate, the rules that name it in a body (`rmr.vm.generate.plan.readers_of`)."""
+        self.firing_all: RulePlan | None = None
+        """The rule that fires as matches are found (`LoopWriter.write_fire_all`): there is room, ``s`` is the serial
+        number given last, and ``q`` the rule's queue, the rest of which is tried next."""
         self.readers = [readers[table.index if table.returns is None else table.returns] for table in tables]
         self._build = build
         self._pool = pool
@@ -112,19 +115,26 @@ class FactWriter:
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
         """Write the insertion of a fact, if there is room and it is not in a set already."""
         with self._build.when(f"not ({self._unwanted(predicate, args)})"):
+            if self.firing_all is not None:
+                self.add(predicate, args, "key", Update("s", "+", "1"))
+                return
             self._build(Update("vm.count", "+", "1"))
             self.add(predicate, args, "key")
+
+    def is_full(self, many: str) -> str:
+        """Return the condition on which there is no room for a fact; `many` is that on which there are too many."""
+        too_long = f"vm.length >= {machine.FACTS_LENGTH_MAX}"
+        return f"({many} or {too_long})" if any(each.long for each in self._tables) else many
 
     def _unwanted(self, predicate: int, args: Sequence[str]) -> str:
         """Return the condition on which a fact is not inserted."""
         table = self._tables[predicate]
-        most = f"vm.count >= {machine.FACTS_MAX}"
-        if any(each.long for each in self._tables):
-            most = f"({most} or vm.length >= {machine.FACTS_LENGTH_MAX})"
-        full = f"{most} and vm.is_full(now)"
+        full = f"{self.is_full(f'vm.count >= {machine.FACTS_MAX}')} and vm.is_full(now)"
         if table.linear:
-            return full
+            return full if self.firing_all is None else "False"
         known = f"(key := {table.key(self._pool, args)}) in {table.name}"
+        if self.firing_all is not None:
+            return known
         if table.predicate.best is not None:
             # It removes the fact whose place a better one takes, so that there is room.
             known = f"vm.is_worse(now, {predicate}, {tuple_of(args)}) or {known}"
@@ -226,7 +236,9 @@ class FactWriter:
             taken = If(f"{state.match} is None", next_match, (_queued(state.queue, "[0, f]"),))
             gates.add(self._conditions(plan, atom, args), (taken,))
             return
-        if place == plan.atoms[0][0]:
+        if plan is self.firing_all:
+            gates.add(self._top_tests(plan, atom, args), (Evaluate("q.append(f)"),))
+        elif place == plan.atoms[0][0]:
             stale: Statement = mark_stale(plan.bit)
             if not plan.is_eager and not plan.valued:
                 stale = If(f"not vm.ready & {plan.bit}", (stale,))  # a later top cannot replace the match found

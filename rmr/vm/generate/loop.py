@@ -6,10 +6,13 @@ computed when the match is found (`rmr.vm.generate.head_functions`).
 """
 
 from collections.abc import Sequence
+from itertools import islice
+from operator import length_hint
 
 from rmr.base.streams import Choices
 from rmr.bytecode.heads import inner
 from rmr.bytecode.program import DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
+from rmr.vm import machine, match
 from rmr.vm.derive import Derived
 from rmr.vm.generate.body import ME
 from rmr.vm.generate.builder import FormBuilder
@@ -19,6 +22,7 @@ from rmr.vm.generate.form import (
     Assign,
     AssignAll,
     Block,
+    Break,
     Continue,
     Evaluate,
     If,
@@ -28,9 +32,11 @@ from rmr.vm.generate.form import (
     Update,
     While,
     held,
+    serial,
     tuple_of,
 )
 from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings, written_items
+from rmr.vm.generate.match_search import SearchWriter
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool
 from rmr.vm.machine_events import FactSent, RuleFired
@@ -63,6 +69,9 @@ class LoopWriter:
         self._tables = tables
         self._plans = plans
         self._facts = facts
+        self._fires_all = any(plan.fires_all for plan in plans)
+        self._firing = ["vm", "now", "emit", *(["turns"] if self._fires_all else [])]
+        """The parameters of the function in which one of many rules fires."""
         for name, thing in (("RuleFired", RuleFired), ("Derived", Derived), ("FactSent", FactSent)):
             pool.helper(name, thing)
 
@@ -79,7 +88,11 @@ class LoopWriter:
                 build(Assign("events", "{}"))
             if timed:
                 build(mark_stale(f"vm.ready & {timed}"))
-            with build.loop("_", "range(vm._budget)"):
+            turns = "range(vm._budget)"
+            if self._fires_all:
+                build(Assign("turns", f"iter({turns})"))
+                turns = "turns"
+            with build.loop("_", turns):
                 if self._program.strategy is Strategy.DEADLINE and self._program.assertions:
                     build(If("vm.unsettled", (Evaluate("vm.settle_jobs()"),)))
                 build(If("vm.observed", (If("vm.fire_observed(now)", (Continue(),)), Return())))
@@ -94,7 +107,7 @@ class LoopWriter:
                 if not self.is_in_loop:
                     made = AssignAll(("events[ready]", "e"), "RuleFired(ready.bit_length() - 1, now)")
                     build(Assign("e", "events.get(ready)"), If("e is None", (made,)))
-                    build(Evaluate("emit(e)"), Evaluate("FIRE[ready](vm, now, emit)"))
+                    build(Evaluate("emit(e)"), Evaluate(f"FIRE[ready]({', '.join(self._firing)})"))
                 elif self._plans:
                     self._choose(0, len(self._plans))
 
@@ -111,9 +124,73 @@ class LoopWriter:
 
     def write_rule(self, plan: RulePlan) -> None:
         """Write the function in which one of many rules fires."""
-        with self._build.function(plan.functions.fire, "vm", "now", "emit"):
+        with self._build.function(plan.functions.fire, *self._firing):
             self._build(Assign(ME, "vm.robot"))
             self._fire(plan)
+
+    def may_fire_all(self, plan: RulePlan) -> bool:
+        """Return whether a rule may fire for its matches as they are found: none goes, and firings lead to tops alone.
+
+        So it derives facts of this robot whose only consequences are matches, and that it joins with nothing but older
+        facts.
+        """
+        if not plan.lasting or plan.may_break:
+            return False
+        slots = write_bindings(FormBuilder(), Pool(), plan.rule, self._tables, plan.facts)
+        chains = written_items(plan.rule, slots, self._program, Pool(), self._tables) or ()
+        joined = {atom.predicate for _, atom in plan.atoms[1:]}
+        return all(len(chain) == 1 and self._is_plain(chain[0]) for chain in chains) and joined.isdisjoint(
+            chain[0].item.predicate for chain in chains
+        )
+
+    def _is_plain(self, item: WrittenItem) -> bool:
+        """Return whether an item is a fact of this robot of which nothing but matches follows."""
+        if not isinstance(item.item, DeriveFact) or not self._is_in_line(item):
+            return False
+        table = self._tables[item.item.predicate]
+        return not (table.long or table.concerned or table.returns is not None or table.predicate.best is not None)
+
+    def write_fire_all(self, plan: RulePlan) -> None:
+        """Write the function that tries the tops of a rule and fires it for each match at once.
+
+        It is called while this rule alone is satisfied, its last match known has fired, and all its facts are joined.
+        It ends when the rule may fire no more or another one is affected. `turns` iterates over the firings left.
+        """
+        build = self._build
+        state = plan.state
+        stale = mark_stale(plan.bit)
+        search = SearchWriter(plan, build, self._pool, self._tables)
+        for thing in (islice, length_hint):
+            self._pool.helper(thing.__name__, thing)
+        with build.function(plan.functions.fire_all, "vm", "now", "turns"):
+            build(Assign("left", "length_hint(turns)"))
+            short = self._facts.is_full(f"vm.count + {len(plan.rule.head)} * left > {machine.FACTS_MAX}")
+            build(If(f"not left or {short}", (stale, Return())))
+            build(*search.begin(), Assign(ME, "vm.robot"), Assign("kept", state.kept), Assign("q", state.queue))
+            build(Assign("s", "vm.newest"), Assign("taken", "q[0]"), Assign("fired", "0"))
+            mark = build.mark()
+            with build.loop(plan.names()[0], "islice(q, taken + 1, None)"):  # which the firings make longer
+                build(Update("taken", "+", "1"))
+                uses = search.below(Continue(), lambda: self._fire_or_keep(plan))
+                build(If(f"fired == left or vm.looks < {match.LOOKS_MAX // 2}", (Break(),)))
+            build.insert(mark, uses)
+            build(Update("vm.count", "+", "s - vm.newest"), Assign("vm.newest", "s"), Assign("last", "len(q) - 1"))
+            build(Assign(state.last_top, serial("q[taken]")), search.shorten_queue())
+            build(If("kept", (Evaluate("kept.reverse()"),), (stale,)))
+            build(Evaluate(f"vm._events.extend([RuleFired({plan.index}, now)] * fired)"))
+            build(Update("vm.firings", "+", "fired"), Evaluate("next(islice(turns, fired, fired), None)"))
+
+    def _fire_or_keep(self, plan: RulePlan) -> None:
+        """Write that the rule fires for a match, or keeps it if no firing is left."""
+        build = self._build
+        build(If("fired == left", (Evaluate(f"kept.append({plan.entry()})"), Continue())))
+        build(Update("fired", "+", "1"))
+        self._facts.firing_all = plan
+        self._fire_in_line(plan)
+        self._facts.firing_all = None
+        made = [each.predicate for each in plan.rule.head if isinstance(each, DeriveFact)]
+        if any(reader is not plan for each in made for reader in self._facts.readers[each]):
+            build(If(f"vm.stale or vm.ready != {plan.bit}", (Assign("left", "fired"),)))
 
     def _draw(self) -> Block:
         """Return the statements that draw one of the satisfied rules: `Choices.below` in line."""
@@ -153,6 +230,11 @@ class LoopWriter:
             self._fire_valued(plan)
         else:
             self._fire_in_line(plan)
+        if plan.fires_all:
+            alone = f"vm.stale == vm.ready == {plan.bit} and {plan.state.queue}"
+            joined = [f"{plan.state.new(place)} is None" for place, _ in plan.atoms[1:]]
+            go_on = Evaluate(f"{plan.functions.fire_all}(vm, now, turns)")
+            self._build(If(" and ".join(["not kept", alone, *joined]), (Assign("vm.stale", "0"), go_on)))
 
     def _fire_valued(self, plan: RulePlan) -> None:
         """Write the consumption and derivation of the results that `value` has computed for the match."""

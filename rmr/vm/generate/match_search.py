@@ -11,7 +11,7 @@ their flag and serial number, so matches with removed facts sort to the end and 
 reported.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
@@ -132,7 +132,7 @@ class SearchWriter:
             build(Assign(ME, "vm.robot"))
             counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1 or any(folds(plan.rule.body))
             if counted:
-                build(*self._begin())
+                build(*self.begin())
             mark = build.mark()
             reports = plan.index, len(plan.rule.head)
             body = self._body(Return(), may_index=may_index, counted=counted, reports=reports)
@@ -168,19 +168,23 @@ class SearchWriter:
         kept = ["kept"] if plan.once else []
         with build.function(self._functions.below, "vm", "now", plan.names()[0], *kept):
             build(Assign(ME, "vm.robot"))
+            found = self._keep if plan.once else Return(plan.entry())
             mark = build.mark()
-            body = self._body(Return())
-            self._below(body, self._keep if plan.once else Return(plan.entry()))
-            build.insert(mark, loads(body))
+            build.insert(mark, self.below(Return(), lambda: build(found)))
 
-    def _below(self, body: Body, *leaf: Statement) -> None:
-        """Write the search for the matches with a given top, and what is done with each of them."""
+    def below(self, leave: Statement, leaf: Callable[[], None]) -> list[Statement]:
+        """Write the search for the matches with a given top; `leaf` writes what is done with each of them.
+
+        Returns the statements that load what it probes, which stand before it.
+        """
         plan = self._plan
         top, atom = plan.atoms[0]
         conjuncts = list(enumerate(plan.rule.body))
+        body = self._body(leave)
         body.seek(conjuncts[:top], lambda: None)
         body.take(top, atom, plan.facts[top])
-        body.seek(conjuncts[top + 1 :], lambda: self._build(*leaf))
+        body.seek(conjuncts[top + 1 :], leaf)
+        return loads(body)
 
     def _fresh(self, seed: int) -> None:
         """Write the search for the matches in which the atom at place `seed` takes a new fact."""
@@ -201,7 +205,7 @@ class SearchWriter:
         plan = self._plan
         state = self._state
         with build.function(self._functions.find, "vm", "now"):
-            build(*self._begin())
+            build(*self.begin())
             self._load_kept()
             for place in self._places[1:]:
                 self._join_new(place)
@@ -212,15 +216,14 @@ class SearchWriter:
                 mark = build.mark()
                 with build.repeat("taken < last"):
                     build(Update("taken", "+", "1"), Assign(plan.names()[0], "q[taken]"))
-                    body = self._body(Continue())
-                    self._below(body, self._keep)
+                    uses = self.below(Continue(), lambda: build(self._keep))
                     build(If(f"len(kept) > {AT_ONCE_MAX}", (Break(),)))
-                build(Assign(state.last_top, serial("q[taken]")), self._shorten_queue())
+                build(Assign(state.last_top, serial("q[taken]")), self.shorten_queue())
                 build(If("not kept", self._unsatisfied), Evaluate("kept.reverse()"))
-                build.insert(mark, loads(body))
+                build.insert(mark, uses)
             build(self._satisfied)
 
-    def _shorten_queue(self) -> If:
+    def shorten_queue(self) -> If:
         """Return the statement that stores how far a queue has been taken; it deletes the taken part if that is larger.
 
         Deleting costs time in proportion to what is left, so it waits until more has been taken than is left.
@@ -238,7 +241,7 @@ class SearchWriter:
             attempt = build.attempt("NoValue", "", self._break_off) if plan.failing else build.level()
             with attempt:
                 if plan.once:
-                    build(*self._begin())
+                    build(*self.begin())
                 self._load_kept()
                 for place in self._places[1:]:
                     self._join_new(place)
@@ -274,7 +277,7 @@ class SearchWriter:
         state = self._state
         none: Block = (Break(),) if plan.is_eager else self._unsatisfied
         if not plan.once:
-            build(*self._begin())
+            build(*self.begin())
         if plan.once or len(self._places) == 1:
             self._tops(none)
             return
@@ -316,7 +319,6 @@ class SearchWriter:
         state = self._state
         fact = plan.names()[0]
         build(Assign(ME, "vm.robot"))
-        body = self._body(Continue())
         with build.repeat("True"):
             # `next_of` in line for its usual case: the next fact still holds, and the queue need not be shortened.
             usual = f"q is not None and (h := q[0] + 1) + h <= len(q) and {held(f'({fact} := q[h])')}"
@@ -324,8 +326,8 @@ class SearchWriter:
             build(If(usual, (Assign("q[0]", "h"),), (none,)), Assign(state.last_top, serial(fact)))
             mark = build.mark()
             is_open = [Assign(state.current_top, fact)] if len(self._places) > 1 else []
-            self._below(body, self._keep, *is_open, self._satisfied, Return())
-            build.insert(mark, loads(body))  # inside the loop: the first top that is tried may have made these indices
+            uses = self.below(Continue(), lambda: build(self._keep, *is_open, self._satisfied, Return()))
+            build.insert(mark, uses)  # inside the loop: the first top that is tried may have made these indices
 
     def _join_new(self, place: int) -> None:
         """Write the join of the new facts of one atom that is not the first with the tops tried so far."""
@@ -384,7 +386,7 @@ class SearchWriter:
     def _break_off(self) -> Return:
         return Return(f"vm.break_off({self._plan.index}, now)")
 
-    def _begin(self) -> list[Statement]:
+    def begin(self) -> list[Statement]:
         """Return the statements that begin to count the facts that a search looks at."""
         rule = self._plan.rule
         return begun(self._pool, (self._plan.index, len(rule.head), len(rule.body)))

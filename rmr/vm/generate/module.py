@@ -119,6 +119,9 @@ class Module:
         facts = self._facts(FormBuilder())
         for table in self.tables:
             table.queued = facts.is_queued(table.index)
+        loop = self._loop(FormBuilder())
+        for plan in self.plans:
+            plan.fires_all = loop.may_fire_all(plan)
         self.names: dict[str, Any] = self.pool.globals
         self.sources: list[str] = []
         """Generated sources compiled so far, for inspection."""
@@ -155,6 +158,8 @@ class Module:
             loop = self._loop(build)
             if not loop.is_in_loop:
                 loop.write_rule(plan)
+            if plan.fires_all:
+                loop.write_fire_all(plan)
             self._compile((*waiting, *build.statements))
             self.names["FIND"][plan.bit] = self.names[plan.functions.find]
             self.names["FIRE"][plan.bit] = self.names[plan.functions.fire]

@@ -84,6 +84,8 @@ class RulePlan:
         self._read = {each.predicate for body in bodies(rule) for each in body if isinstance(each, Atom)}
         self.valued = False
         """Its head is evaluated when the match is found: it may have no value, or depends on other facts."""
+        self.fires_all = False
+        """It may fire for its matches as they are found (`rmr.vm.generate.loop.LoopWriter.may_fire_all`)."""
 
     @property
     def is_eager(self) -> bool:

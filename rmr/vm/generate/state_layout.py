@@ -56,6 +56,8 @@ class RuleFunctions:
         """Looks for the match with which the rule fires next."""
         self.fire = f"fire{rule}"
         """Fires the rule; only in programs with many rules."""
+        self.fire_all = f"fire_all{rule}"
+        """JOIN: fires the rule for all matches of the facts that are still to be tried, while it alone is satisfied."""
         self.below = f"below{rule}"
         """JOIN: looks for matches with a given fact of the first atom."""
         self.restart = f"restart{rule}"

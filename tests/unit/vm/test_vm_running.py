@@ -1,4 +1,4 @@
-"""What generated machines keep apart while one search goes on inside another."""
+"""What generated machines keep apart while one search goes on inside another, or while a rule fires as it searches."""
 
 from typing import Any
 
@@ -34,4 +34,41 @@ def test_comprehension_over_its_search_budget_does_not_end_the_outer_search(
         machine.run(0)
         told.append(machine.drain())
     assert [event.args for event in actions(told[0])] == [(1.0,), (0.5,)]
+    assert told[0] == told[1]
+
+
+CLOSURE = """
+type !edge(robot, int, int). type !path(robot, int, int). type loop(robot, int). type !far(robot, int).
+edge(R, A, B) -o path(R, A, B).
+path(R, A, B), edge(R, B, C) -o path(R, A, C){}.
+path(R, A, A) -o loop(R, A).
+path(R, A, B), far(R, B) -o far(R, A).
+"""
+NODES = 30
+
+
+@pytest.mark.parametrize("also", ["", ", far(R, A)", ", loop(R, C)"])
+@pytest.mark.parametrize("filler", ["", "type z(robot). " + "z(R) -o 1. " * 9])
+@pytest.mark.parametrize("budget", [1, 7, 100, 2000])
+def test_a_rule_that_fires_as_it_searches_ends_with_the_budget_and_where_others_are_concerned(
+    also: str, filler: str, budget: int
+) -> None:
+    program: Any = compile_source(CLOSURE.format(also) + filler).program
+    edge = program.index("edge")
+    told: list[list[VmEvent]] = []
+    for engine in Engine:
+        machine = new_machine(program, 1, Choices("any"), engine=engine, firing_budget=budget)
+        machine.start(0)
+        # A line; then, between two runs, a way back and a shorter one.
+        for node in range(NODES):
+            machine.insert(0, edge, (node, node + 1))
+        told.append([])
+        for number in range(5000 // budget + 4):
+            machine.run(number)
+            told[-1] += machine.drain()
+            if number in (1, 3):
+                machine.insert(number, edge, (NODES, number) if number == 3 else (0, NODES // 2))
+        assert machine.firings > NODES * NODES // 2
+        if engine is Engine.GENERATED:
+            assert "fire_all1" in machine.module.names
     assert told[0] == told[1]
