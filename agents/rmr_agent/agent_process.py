@@ -34,7 +34,7 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr.record.run_files import attach_program
-from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program, no_program
+from rmr_agent.bytecode import Loaded, RefusedError, load_handlers, load_program, no_program
 from rmr_agent.robot import SAY_AGAIN_S, HostedRobot
 from rmr_agent.robot_setup import RobotSetup
 from rmr_agent.state_folder import StateFolder
@@ -49,7 +49,7 @@ def _load(options: argparse.Namespace) -> RobotSetup:
 
         trust = read_trust(options.trust)
     loaded = no_program(trust) if options.program is None else load_program(options.program, trust)
-    check_actions(loaded.program, load_handlers(options.actions))
+    load_handlers(options.actions)
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
     except KeyFileError as error:

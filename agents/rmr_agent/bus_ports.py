@@ -1,4 +1,4 @@
-"""The node's ports in a robot process: the radio and the body, both over the bus.
+"""The node's ports in a robot process: the radio and the body, both over the bus, and what the world does for it.
 
 The radio is a `rmr.radio.station.Station`, or a `rmr.radio.network.NetworkStation` where nothing is emulated: what it
 announces goes out on the bus, what others announce comes in, and everything else about a frame's fate is decided here.
@@ -6,12 +6,15 @@ The emulated radio decides by time stamps. Announcements are some milliseconds l
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Iterable
 from typing import Final
 
 from rmr.base.geometry import STILL, Twist
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
+from rmr.base.values import Value
 from rmr.bus import wire
+from rmr.node.actions.dispatcher import Handler
+from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle
 from rmr.node.frame_log import FrameLog
 from rmr.node.payloads import LOAD_OCTET
 from rmr.node.ports import FRAMES_MAX, SAMPLES_MAX, Confirmed, PoseFix, Received, SeenBody, Sensed
@@ -150,3 +153,44 @@ class BusBody:
         """Command the wheels."""
         self.twist = twist
         self._publish(wire.Act(twist.v, twist.w, stamp))
+
+
+class WorldActions:
+    """The actions that the world carries out for the robot.
+
+    A wish is said again, twice a second, until its end is told, for messages get lost; one that is broken off is taken
+    back.
+    """
+
+    def __init__(self, publish: Callable[[wire.Message], None], now: Callable[[], Instant]) -> None:
+        self._publish = publish
+        self._now = now
+        self._asked = 0
+        self._ends: dict[int, str | None] = {}
+        """Of the actions under way: why they failed, an empty text for those that did not, None before the end."""
+
+    def heard(self, end: wire.Performed) -> None:
+        """Take in the end of an action."""
+        if end.serial in self._ends:
+            self._ends[end.serial] = end.failure
+
+    def handlers(self, names: Iterable[str]) -> dict[str, Handler]:
+        """Return the handlers of actions."""
+        return {name: Handler(name, self._handler(name)) for name in names}
+
+    def _handler(self, name: str) -> Callable[..., Awaitable[None]]:
+        async def run(_robot: RobotHandle, *args: Value) -> None:
+            self._asked += 1
+            serial, begun = self._asked, self._now()
+            self._ends[serial] = None
+            try:
+                while (failure := self._ends[serial]) is None:
+                    self._publish(wire.Perform(serial, name, args, begun))
+                    await Pause(self._now() + milliseconds(500), lambda: self._ends[serial] is not None)
+            finally:
+                if self._ends.pop(serial) is None:
+                    self._publish(wire.Perform(serial, None, (), begun))
+            if failure:
+                raise ActionFailed(failure)
+
+        return run

@@ -27,7 +27,8 @@ from rmr.entry import ExitCode
 from rmr.mind.journal import DurableState, JournalError
 from rmr.node.config import NodeConfig
 from rmr.node.report import off_m, progress, robot_report
-from rmr_agent.bytecode import RefusedError
+from rmr_agent.bus_ports import WorldActions
+from rmr_agent.bytecode import RefusedError, check_actions
 from rmr_agent.clock import LabClock
 from rmr_agent.incarnation import Incarnation, Outlets, configuration, floor_grid, make_station, phase_of
 from rmr_agent.local_air import LocalAir, announced
@@ -82,6 +83,9 @@ class HostedRobot:
         self._lost = False
         self._restarts = 0
         self._incarnation: Incarnation | None = None
+        self._actions = WorldActions(
+            lambda wish: bus.publish(self._keys.act(robot), wish), lambda: self._clock.at(time.monotonic_ns())
+        )
         self._recording = RobotRecording(robot, recorder)
         self._last_published: tuple[Any, ...] = ()
         self._published_s = 0.0
@@ -200,7 +204,8 @@ class HostedRobot:
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
                 lambda body: self._bus.publish(self._keys.answers(self._robot), body),
             )
-            handlers = fresh()
+            handlers = self._actions.handlers(known.performs) | fresh()
+            check_actions(loaded.program, handlers)
             # The log of a mind begins with its program: a robot that has waited for one is not recorded.
             minds = None if configure else self._recording.open(known, envelope.run, self._clock)
 
@@ -236,6 +241,9 @@ class HostedRobot:
     def _on_sense(self, _key: str, message: wire.Envelope) -> None:
         if self._incarnation is not None and isinstance(message.body, wire.Sense):
             self._incarnation.sense(message.body)
+        elif self._incarnation is not None and isinstance(message.body, wire.Performed):
+            self._actions.heard(message.body)
+            self._incarnation.wake()
 
     def _on_air(self, _key: str, message: wire.Envelope) -> None:
         announcement = announced(message, self._bus.losses)

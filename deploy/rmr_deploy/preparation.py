@@ -166,7 +166,7 @@ def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
     program = read_program(lab, color=color)
     try:
         options = replace(options, actions=options.actions or lab.actions)
-        load_handlers(program.program, options.actions)
+        load_handlers(program.program, options.actions, lab.performs)
         loads = later_programs(lab, durable=options.durable) if share is None or share.has_world else ()
     except ProgramError as error:
         raise RunRefusedError(str(error), ExitCode.INVALID) from error

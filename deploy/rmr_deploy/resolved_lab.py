@@ -28,6 +28,9 @@ def resolved_lab(lab: Lab) -> dict[str, Any]:
         "file": str(lab.path.resolve()),
         "program": str(lab.program.resolve()),
         "actions": None if lab.actions is None else str(lab.actions.resolve()),
+        "ros_actions": [
+            {**asdict(each), "fields": dict(each.fields), "within": in_seconds(each.within)} for each in lab.ros_actions
+        ],
         "seed": lab.seed,
         "duration_s": in_seconds(lab.duration),
         "finish": lab.finish,

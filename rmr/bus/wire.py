@@ -130,6 +130,27 @@ class Act(NamedTuple):
     stamp: Instant
 
 
+class Perform(NamedTuple):
+    """Carry out an action of this robot outside of it; said again until the answer has come."""
+
+    serial: int
+    """Of the action, for the process that sends it."""
+    name: str | None
+    """None: break it off."""
+    args: tuple[Value, ...]
+    """Without the robot."""
+    begun: Instant
+    """When the robot said so first."""
+
+
+class Performed(NamedTuple):
+    """An action that was carried out outside of its robot has ended."""
+
+    serial: int
+    failure: str
+    """Why it failed; empty if it did not."""
+
+
 class AskClock(NamedTuple):
     """What is lab time?"""
 
@@ -179,6 +200,8 @@ class Map(NamedTuple):
     """Of the radio, as in `Disturbances`."""
     predecessor_ended: Instant | None = None
     """An instant at which the robot's process before this one had ended; None: it is not known, or there was none."""
+    performs: tuple[str, ...] = ()
+    """The actions that the world carries out for its robots."""
 
 
 class Truth(NamedTuple):
@@ -340,6 +363,11 @@ def _pack_sense(message: tuple[Any, ...]) -> list[Any]:
     return [*felt, told]
 
 
+def _pack_perform(message: tuple[Any, ...]) -> list[Any]:
+    serial, action, args, begun = message
+    return [serial, action, [pack_value(arg) for arg in args], begun]
+
+
 def _pack_wish(message: tuple[Any, ...]) -> list[Any]:
     wish, added = message
     return [wish, None if added is None else added.to_wire()]
@@ -355,6 +383,8 @@ Message = (
     | Handshake
     | Sense
     | Act
+    | Perform
+    | Performed
     | AskClock
     | Clock
     | AskMap
@@ -419,6 +449,7 @@ _LAB: Final = (
     one_of(CLOCK_STATES),
     _HELD,
     optional(instant),
+    each(name, FACTS_MAX),
 )
 _LAUNCHER: Final = (
     lab_name,
@@ -455,6 +486,8 @@ TABLE: Final = (
     Row(19, Launcher, _LAUNCHER),
     Row(20, HostOrder, (octets(REQUEST_OCTETS_MAX),)),
     Row(21, HostAnswer, (lab_name, octets(MESSAGE_OCTETS_MAX))),
+    Row(22, Perform, (count, optional(name), each(value, FACTS_MAX), instant), _pack_perform),
+    Row(23, Performed, (count, people)),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

@@ -125,8 +125,9 @@ def test_robot_with_invalid_byte_code_fails_before_connecting(stage, how):
     assert "bad.rbc: " in robot.said()
 
 
-def test_an_action_without_handler_is_named_before_anything_starts_and_a_file_can_give_it(stage):
+def test_an_action_without_handler_is_named_before_the_robot_starts_and_a_file_can_give_it(stage):
     (stage.folder / "acts.rbc").write_bytes(idle_program("blink", "moveto", "dance"))
+    stage.world()  # which may carry out actions itself
     robot = stage.agent(1, program="acts.rbc")
     assert robot.exit_code() == 3
     assert "no handler for action blink; dance" in robot.said()
@@ -134,7 +135,6 @@ def test_an_action_without_handler_is_named_before_anything_starts_and_a_file_ca
     actions.write_text(
         "from rmr import action\nfor name in ('blink', 'dance'):\n    action(name)(lambda robot: None)\n"
     )
-    stage.world()
     stage.agent(1, "--actions", actions, program="acts.rbc").wait_for("robot 1 is in lab bench")
 
 

@@ -265,6 +265,103 @@ def test_a_fact_that_cannot_be_had_is_named_before_the_lab_begins(tmp_path, was,
     assert "Traceback" not in ended.stdout + ended.stderr
 
 
+GRIPS = """\
+type action grip(R: robot, B: bool) -o gripped(R, B) else slipped(R, B).
+type action glow(R: robot, L: float) -o glowing(R).
+start(R).
+start(R) -o grip(R, false).
+slipped(R, false) -o grip(R, true).
+gripped(R, true) -o glow(R, 0.5).
+"""
+ACTIONS = """\
+actions:
+  - {action: "grip(R, data)", service: gripper/close, type: std_srvs/SetBool, within: 1s}
+  - {action: "glow(R, r)", topic: led, type: std_msgs/ColorRGBA, fields: {a: 1.0}}
+"""
+
+
+def grip_lab(folder, actions=ACTIONS):
+    """Write a lab that grips, and grips again when that has failed."""
+    lab = METRE.format(name="grips").replace("metre.rmr", "grips.rmr").replace("at(R, there)", "glowing(R)")
+    (folder / "lab.yaml").write_text(lab + actions)
+    (folder / "grips.rmr").write_text(GRIPS)
+    return [sys.executable, "-m", "rmr", "up", folder, "--run", folder / "run"]
+
+
+def test_an_action_calls_a_service_fails_by_its_answer_and_another_one_publishes(tmp_path, watcher):
+    from std_msgs.msg import ColorRGBA
+    from std_srvs.srv import SetBool
+
+    asked = []
+
+    def close(request, answer):
+        asked.append(request.data)
+        answer.success, answer.message = request.data, "nothing between the jaws"
+        return answer
+
+    watcher.node.create_service(SetBool, "/robot_4/gripper/close", close)
+    watcher.hear("/robot_4/led", ColorRGBA)
+    words = grip_lab(tmp_path)
+    ended = subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert report["finished"]
+    robot = report["robots"]["4"]
+    assert [action for _, action in robot["actions"]] == ["grip(@4, false)", "grip(@4, true)", "glow(@4, 0.5)"]
+    assert robot["actions_failed"] == 1
+    assert robot["first_failure"][1:] == ["grip(@4, false)", "/robot_4/gripper/close: nothing between the jaws"]
+    assert asked == [False, True], "each was called once"
+    assert [(each.r, each.a) for each in watcher.got["/robot_4/led"]] == [(0.5, 1.0)]
+
+
+def test_a_service_that_does_not_answer_in_time_fails_the_action(tmp_path, watcher):
+    from std_msgs.msg import ColorRGBA
+    from std_srvs.srv import SetBool
+
+    def late(request, answer):
+        eventually(lambda: request.data or (tmp_path / "over").exists())
+        answer.success = True
+        return answer
+
+    watcher.node.create_service(SetBool, "/robot_4/gripper/close", late)
+    watcher.hear("/robot_4/led", ColorRGBA)
+    with subprocess.Popen(grip_lab(tmp_path), env=ENVIRONMENT, stdout=subprocess.PIPE, text=True) as up:
+        log = tmp_path / "run" / "logs" / "robot-4.jsonl"
+        eventually(lambda: log.exists() and "no answer of /robot_4/gripper/close within 1 s" in log.read_text())
+        (tmp_path / "over").touch()
+        up.communicate(timeout=100)
+    assert up.returncode == 0
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["robots"]["4"]["facts"].count("glowing(@4)") == 1
+
+
+@pytest.mark.parametrize(
+    ("was", "written", "said"),
+    [
+        ("SetBool", "SetBol", "actions.0: std_srvs has no services SetBol; did you mean SetBool?"),
+        ("std_srvs", "grip_srvs", "actions.0: the services of grip_srvs are not installed here"),
+        ("R, data", "R, date", "actions.0: std_srvs/SetBool has no field date; did you mean data?"),
+        ("R, r)", "R, a, r)", "actions.1.action: 'glow' has 2 arguments in the program, here 3"),
+        ("a: 1.0", "a: true", "actions.1: the field a is a float, not true"),
+        ("grip(R", "grop(R", "actions.0.action: the program declares no action 'grop'; did you mean 'grip'?"),
+    ],
+)
+def test_an_action_that_cannot_be_carried_out_is_named_before_the_lab_begins(tmp_path, was, written, said):
+    words = grip_lab(tmp_path, ACTIONS.replace(was, written))
+    ended = subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    assert ended.returncode != 0
+    assert said in ended.stdout + ended.stderr
+    assert "Traceback" not in ended.stdout + ended.stderr
+
+
+def test_services_and_subscribers_that_do_not_come_are_named_and_the_lab_does_not_begin(tmp_path):
+    ended = subprocess.run(grip_lab(tmp_path), capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    assert ended.returncode == 1
+    said = ended.stdout + ended.stderr
+    assert "robot 4: nobody serves /robot_4/gripper/close (std_srvs/srv/SetBool): start its node, or correct" in said
+    assert "robot 4: nobody subscribes to /robot_4/led (std_msgs/msg/ColorRGBA): start its node, or correct" in said
+    assert "Traceback" not in said
+
+
 def test_one_lab_drives_the_simulated_robot_of_another_one_over_topics(tmp_path):
     for name, bodies in (("simulated", ""), ("driven", "bodies: [{ros2: {namespace: '/robot_{id}', pose: pose}}]\n")):
         folder = tmp_path / name

@@ -276,3 +276,15 @@ def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_
     simulation.run()
     assert claims == {node.driver.place}
     assert node.driver.place is not None
+
+
+@pytest.mark.parametrize(("stand_in", "facts"), [("", ["done(@1, 3)"]), ("raise ValueError", ["jammed(@1)"])])
+def test_an_action_of_ros_2_ends_at_once_unless_a_file_has_a_handler_for_it(tmp_path, stand_in, facts):
+    program = "type action act(R: robot, N: int) -o done(R, N) else jammed(R).\ngo(R).\ngo(R) -o act(R, 3).\n"
+    entry = "\nactions: [{action: 'act(R, data)', service: act, type: std_srvs/SetBool}]\n"
+    small_lab(tmp_path, program, duration="1s", actions=EFFECT.format("done").replace("pass", stand_in or "pass"))
+    lab = tmp_path / "lab.yaml"
+    lab.write_text(lab.read_text() + entry)
+    simulation = prepare(tmp_path, seed=1, actions=tmp_path / "actions.py" if stand_in else None)
+    simulation.run()
+    assert simulation.robots[0].node.machine.facts() == facts

@@ -181,7 +181,7 @@ def _handlers(lab: Lab, program: Program) -> Iterable[Finding]:
         return
     places = program.debug.predicates if program.debug is not None else ()
     for index, predicate in enumerate(program.predicates):
-        if predicate.kind is not Kind.ACTION or predicate.name in handlers or predicate.name in PROVIDED:
+        if predicate.kind is not Kind.ACTION or predicate.name in {*handlers, *PROVIDED, *lab.performs}:
             continue
         where = lab.actions or "a Python file that the lab file names under actions"
         message = f'no handler for action {predicate.name}: write one in {where}, @action("{predicate.name}")'

@@ -33,6 +33,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, Instant
 from rmr.base.values import Value
 from rmr.node.ports import SeenBody, Sensed
+from rmr_ros.ros_actions import ActionCall, Asked, RosActions
 from rmr_ros.ros_body import COMMAND_AGE_MAX, BodyTopics, RosBody, deviations, heading
 from rmr_ros.ros_facts import FactTopics, TopicFactError, TopicReading
 from rmr_ros.ros_view import RosView
@@ -91,6 +92,7 @@ class RosBridge:
         arena: Arena,
         starts: Mapping[int, Pose],
         readings: Sequence[TopicReading] = (),
+        calls: Sequence[ActionCall] = (),
         *,
         shows: bool = False,
     ) -> None:
@@ -109,6 +111,7 @@ class RosBridge:
             raise BridgeError(f"ROS 2 does not start here, look at its environment variables: {error}") from None
         try:
             self._facts = FactTopics(self._node, readings, _quality)
+            self._actions = RosActions(self._node, calls, _quality)
         except TopicFactError as error:
             raise BridgeError(str(error)) from None
         if readings:
@@ -158,6 +161,7 @@ class RosBridge:
             if not found and not link.body.located:
                 found = [link.body.trouble or f"no pose has come on {link.spec.pose} that its odometry agrees with"]
             yield from (f"robot {robot}: {why}" for why in found)
+        yield from self._actions.missing()
 
     def _look(self, link: _Link) -> Iterator[str]:
         """Subscribe to the topics of a robot, and find out what it is driven by; yield what is wrong with them."""
@@ -234,6 +238,7 @@ class RosBridge:
             link.body.step(now, clock)
             self._say(robot, link, clock)
         self._facts.step(clock)
+        self._actions.step(clock)
 
     def _say(self, robot: int, link: _Link, clock: Instant) -> None:
         """Log what is wrong with a robot when that changes."""
@@ -293,6 +298,17 @@ class RosBridge:
                 if link.zeros < ZEROS and (said_zero or clock - link.commanded_at > COMMAND_AGE_MAX):
                     link.zeros += 1
                     self._publish(link, STILL)
+
+    def perform(self, asked: Asked, name: str | None, args: Sequence[Value]) -> None:
+        """Begin an action that ROS 2 carries out; break it off if the name is None."""
+        if name is None:
+            self._actions.cancel(asked)
+        else:
+            self._actions.perform(asked, name, args, time.monotonic_ns())
+
+    def performed(self) -> Iterator[tuple[Asked, str]]:
+        """Yield the actions that have ended since, each with why it failed or an empty text."""
+        return self._actions.ended()
 
     def report(self) -> dict[str, Any]:
         """Return what has come of each robot's topics, for the report of the world."""

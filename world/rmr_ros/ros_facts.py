@@ -79,17 +79,18 @@ def taken(value: Any, kind: str) -> Value | None:
     return value if kind == "open" or (kind == "int" and isinstance(value, int)) else None
 
 
-def message_class(name: str) -> Any:
-    """Return the class of messages called `package/Name`. Raises TopicFactError."""
+def message_class(name: str, part: str = "msg") -> Any:
+    """Return the class of messages called `package/Name`; `part` srv: of services. Raises TopicFactError."""
     package, *_, name = name.split("/")
+    what = "messages" if part == "msg" else "services"
     try:
-        module = import_module(f"{package}.msg")
+        module = import_module(f"{package}.{part}")
     except ImportError:
-        raise TopicFactError(f"the messages of {package} are not installed here") from None
+        raise TopicFactError(f"the {what} of {package} are not installed here") from None
     found = getattr(module, name, None)
     if found is None:
         near = get_close_matches(name, [each for each in vars(module) if each[:1].isupper()], 1)
-        raise TopicFactError(f"{package} has no messages {name}{f'; did you mean {near[0]}?' if near else ''}")
+        raise TopicFactError(f"{package} has no {what} {name}{f'; did you mean {near[0]}?' if near else ''}")
     return found
 
 
@@ -98,14 +99,14 @@ def check(reading: TopicReading, kind: Any) -> None:
     for position, (arg, wanted) in enumerate(zip(reading.args, reading.types, strict=True), start=2):
         if not isinstance(arg, Symbol):
             continue
-        found = _field_type(reading.type, kind, arg)
+        found = field_type(reading.type, kind, arg)
         if taken(EXAMPLES.get(re.sub(r"[0-9]+$|<[0-9]+>$", "", found), 1), wanted) is None:
             raise TopicFactError(
                 f"argument {position} of '{reading.name}' is a {wanted}, and the field {arg} a {found}"
             )
 
 
-def _field_type(type_name: str, kind: Any, path: str) -> str:
+def field_type(type_name: str, kind: Any, path: str) -> str:
     """Return the type of the field at `path` of the messages `kind`. Raises TopicFactError."""
     found = type_name
     for name in path.split("."):
@@ -116,7 +117,7 @@ def _field_type(type_name: str, kind: Any, path: str) -> str:
             raise TopicFactError(f"{found} has no field {name}{known}")
         found = fields[name]
         if "[" in found or found.startswith("sequence"):
-            raise TopicFactError(f"the field {path} is a list ({found}); a fact takes one value")
+            raise TopicFactError(f"the field {path} is a list ({found}); name a field of one value")
         kind = message_class(found) if "/" in found else None
     if kind is not None:
         fields = kind.get_fields_and_field_types()
@@ -167,17 +168,19 @@ class FactTopics:
             if each.topic not in self._awaited:
                 continue
             infos = self._node.get_publishers_info_by_topic(each.topic)
-            others = sorted({info.topic_type for info in infos} - {_full(each.type)})
+            others = sorted({info.topic_type for info in infos} - {full_name(each.type)})
             if infos and not others:
                 del self._awaited[each.topic]
                 put = _Putter(self._newest, each.topic)
                 self._node.create_subscription(self._kinds[each.topic], each.topic, put, self._quality(infos))
             elif others:
                 self._say(
-                    f"{each.topic} has the type {' and '.join(others)}, and the lab says {_full(each.type)}", each
+                    f"{each.topic} has the type {' and '.join(others)}, and the lab says {full_name(each.type)}", each
                 )
             elif clock - self._begun > seconds(5.0):
-                self._say(f"nobody publishes {each.topic} ({_full(each.type)}): no {each.name} comes from there", each)
+                self._say(
+                    f"nobody publishes {each.topic} ({full_name(each.type)}): no {each.name} comes from there", each
+                )
 
     def _say(self, what: str, reading: TopicReading) -> None:
         if what not in self._said:
@@ -216,6 +219,7 @@ class _Putter:
         self._newest[self._topic] = message
 
 
-def _full(type_name: str) -> str:
+def full_name(type_name: str, part: str = "msg") -> str:
+    """Return the name of a type as the graph has it."""
     package, *_, name = type_name.split("/")
-    return f"{package}/msg/{name}"
+    return f"{package}/{part}/{name}"

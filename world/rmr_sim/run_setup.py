@@ -95,14 +95,14 @@ class LoadedLab:
         """
         lab = self.lab
         program = self.program
-        handlers = load_handlers(program.program, lab.actions)
+        handlers = load_handlers(program.program, lab.actions, lab.performs)
         seed = lab.seed if seed is None else seed
         if self.options.chaos or self.options.hard_chaos:
             lab = with_chaos(lab, seed, hard=self.options.hard_chaos)
         if harmed is not None:
             lab = harmed(lab)
         timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
-        fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
+        fresh = partial(load_handlers, program.program, lab.actions, lab.performs) if lab.actions else None
         without = self.options.without
         later = [loaded.program for _, loaded in self.loads]
         simulation = Simulation(

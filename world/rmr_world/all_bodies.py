@@ -4,11 +4,12 @@ Bodies from outside are carried through the physics, so that simulated robots se
 the bridge's robots. The bridge may have a view, by which those outside see the simulated ones.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
 from rmr.base.geometry import Twist
 from rmr.base.time import Instant
+from rmr.base.values import Value
 from rmr.node.ports import Sensed
 from rmr_world.physics import World
 
@@ -28,6 +29,15 @@ class AllBodies:
         """Command the wheels of `robot` to `twist`, which its mind decided at `stamp`."""
         host = self._bridge if self._bridge is not None and robot in self._elsewhere else self._physics
         host.act(robot, twist, stamp, now)
+
+    def perform(self, asked: tuple[int, int, int], name: str | None, args: tuple[Value, ...]) -> None:
+        """Begin an action that the world carries out for a robot: id, session and number; None: break it off."""
+        if self._bridge is not None:
+            self._bridge.perform(asked, name, args)
+
+    def performed(self) -> Iterator[tuple[tuple[int, int, int], str]]:
+        """Yield the actions that have ended since, each with why it failed or an empty text."""
+        return iter(()) if self._bridge is None else self._bridge.performed()
 
     def carry(self, now: Instant) -> None:
         """Bring the bodies from outside to where they are at `now`."""

@@ -209,6 +209,19 @@ def parse_topic_fact(text: str) -> LabFact:
     return LabFact(name, None if isinstance(owner, _Variable) else int(owner), args)
 
 
+def parse_ros_action(text: str) -> tuple[str, int | None, tuple[str | None, ...]]:
+    """Return name, owner (None: each robot) and paths of fields of an action; its name alone is one without arguments.
+
+    An argument that goes nowhere is `_`, in the result None. Raises TermError.
+    """
+    name, terms = _Terms(text if "(" in text else f"{text}(R)", paths=True).fact()
+    owner = _owner(terms, name, "R")
+    paths = tuple(str(term) if isinstance(term, Symbol) else None for term in terms[1:])
+    if any(path is None and term != _Variable("_") for path, term in zip(paths, terms[1:], strict=True)):
+        raise TermError("an argument is the field that gets it, such as data or pose.position.x, or _ if none does")
+    return name, None if isinstance(owner, _Variable) else int(owner), paths
+
+
 def parse_finish(text: str) -> FinishPattern:
     """Return the pattern written in `text`, a fact whose variables match anything. Raises TermError."""
     name, terms = _Terms(text).fact()

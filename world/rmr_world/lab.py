@@ -12,6 +12,7 @@ from rmr.base.geometry import Pose
 from rmr.base.record import record
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
+from rmr.base.values import Value
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import RadioConfig
 from rmr.radio.security import UNSECURED
@@ -87,7 +88,7 @@ class TopicFact:
     """A sensed fact that holds with the newest message of a topic of ROS 2."""
 
     topic: str
-    """`{id}` stands for the robot's id; without a leading / it is within the robot's namespace."""
+    """See `ros_name`."""
     type: str
     fact: LabFact
     """Its symbols are paths of fields."""
@@ -95,10 +96,31 @@ class TopicFact:
     item: int
     """Index of its entry under `facts` in the file."""
 
-    def name_of(self, robot: int, namespace: str) -> str:
-        """Return the topic of `robot`, whose topics are in `namespace`, from the root."""
-        name = self.topic if self.topic.startswith("/") else f"{namespace}/{self.topic}"
-        return name.replace("{id}", str(robot))
+
+@record
+class RosAction:
+    """An action that ends when a service of ROS 2 has answered, or as soon as a message is published."""
+
+    name: str
+    owner: int | None
+    """Whose action it is; None: each robot's."""
+    args: tuple[str | None, ...]
+    """For each argument without the robot the path of the field that gets it; None: none does."""
+    type: str
+    topic: str
+    """Empty: a service. For both see `ros_name`."""
+    service: str
+    fields: tuple[tuple[str, Value], ...]
+    """What else is said, by the paths of fields."""
+    within: Duration
+    """How long a service may take to answer."""
+    item: int
+    """Index of its entry under `actions` in the file."""
+
+
+def ros_name(name: str, robot: int, namespace: str) -> str:
+    """Return a name of `robot` in ROS 2 from the root; its own ones are in `namespace`. `{id}` stands for its id."""
+    return (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot))
 
 
 @record
@@ -200,6 +222,8 @@ class Lab:
     """The bodies that are not simulated; `rmr sim` simulates them, too."""
     topic_facts: tuple[TopicFact, ...] = ()
     """Facts that come from ROS 2; `rmr sim` has none of them."""
+    ros_actions: tuple[RosAction, ...] = ()
+    """Actions that ROS 2 carries out; in `rmr sim` they end at once."""
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""
@@ -247,6 +271,11 @@ class Lab:
         return [*(fact.name for fact in self.stated_facts), *(each.fact.name for each in self.topic_facts)]
 
     @property
+    def performs(self) -> tuple[str, ...]:
+        """The actions that the world carries out for its robots."""
+        return tuple(dict.fromkeys(each.name for each in self.ros_actions))
+
+    @property
     def is_closed(self) -> bool:
         """Whether robots get no facts but `facts` and what their program derives and senses."""
         return self.actions is None and self.events is None and not self.loads and not self.topic_facts
@@ -292,6 +321,7 @@ class Lab:
         fact_items = tuple(items[i] for i in kept)
         bodies = tuple(body for body in self.bodies if body.robot in ids)
         topic_facts = tuple(each for each in self.topic_facts if each.fact.owner is None or each.fact.owner in ids)
+        ros_actions = tuple(each for each in self.ros_actions if each.owner is None or each.owner in ids)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)
         loads = tuple(
             replace(load, robots=tuple(robot for robot in load.robots if robot in ids))
@@ -306,6 +336,7 @@ class Lab:
             fact_items=fact_items,
             bodies=bodies,
             topic_facts=topic_facts,
+            ros_actions=ros_actions,
             faults=faults,
             disturbances=disturbances,
             loads=loads,

@@ -11,6 +11,7 @@ from pathlib import Path
 from rmr.base.errors import CompileError
 from rmr.base.errors import ProgramError as ProgramError  # noqa: PLC0414 - re-exported
 from rmr.base.record import record
+from rmr.base.values import Value
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import SIZE_MAX
@@ -18,7 +19,7 @@ from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.render import render_text, to_json
 from rmr.node.actions.built_in import PROVIDED
-from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
+from rmr.node.actions.dispatcher import Handler, MissingHandlers, RobotHandle, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
 from rmr_world.finding import Finding, LabError, near_miss
 from rmr_world.lab import Lab, ProgramLoad
@@ -95,10 +96,17 @@ def _load_bytecode(path: Path) -> LoadedProgram:
         raise ProgramError(f"{path}: {error}") from error
 
 
-def load_handlers(program: Program, actions: Path | None) -> dict[str, Handler]:
-    """Return the handlers in the file `actions`. Raises ProgramError if it is wrong or any of `program` is missing."""
+async def _at_once(_robot: RobotHandle, *_args: Value) -> None:
+    """Stand for an action that the world carries out, where there is nothing outside."""
+
+
+def load_handlers(program: Program, actions: Path | None, performs: Iterable[str] = ()) -> dict[str, Handler]:
+    """Return the handlers in the file `actions`, and such as end at once for what the world `performs` beside them.
+
+    Raises ProgramError if the file is wrong, or any handler of `program` is missing.
+    """
     try:
-        handlers = load_actions(actions)
+        handlers = {name: Handler(name, _at_once) for name in performs} | load_actions(actions)
         check_handlers(program, {**PROVIDED, **handlers})
     except (ActionsError, MissingHandlers) as error:
         raise ProgramError(str(error)) from error

@@ -36,7 +36,7 @@ from rmr_world.units import PASSAGES_MAX, ROBOTS_MAX, angle, duration, ids, ids_
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 NAMESPACE = r"^(/|(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)+)$"
-MESSAGE = r"^[a-z][a-z0-9_]*/(msg/)?[A-Z][A-Za-z0-9]*$"
+MESSAGE = r"^[a-z][a-z0-9_]*/((msg|srv)/)?[A-Z][A-Za-z0-9]*$"
 TOPIC = r"^/?([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*(/([A-Za-z_]|\{id\})([A-Za-z0-9_]|\{id\})*)*$"
 HOST_NAME = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
 HOST_ADDRESS = r"^([A-Za-z0-9_]([A-Za-z0-9_.-]{0,252}[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
@@ -417,6 +417,50 @@ FactItem = Annotated[
 ]
 
 
+class RosActionSpec(_Strict):
+    """An action that calls a service of ROS 2, or publishes a message.
+
+    In place of an argument it has the path of the field that gets it.
+    """
+
+    action: str
+    topic: Topic | None = None
+    service: Topic | None = None
+    type: Annotated[str, Field(pattern=MESSAGE)]
+    fields: dict[str, Annotated[bool, Strict()] | Annotated[int, Strict()] | Number | str] = {}
+    within: Annotated[DurationNs, Field(gt=0)] = 5 * NS_PER_S
+
+    @model_validator(mode="after")
+    def _published_or_called(self) -> "RosActionSpec":
+        _one_of(self, "topic", "service")
+        return self
+
+
+def _is_list(value: Any) -> str:
+    """Return the tag of `actions`: a file, or a list; of an item of that list likewise."""
+    return "(topic)" if isinstance(value, list | dict | RosActionSpec) else "(text)"
+
+
+ActionItem = Annotated[
+    Annotated[PythonFile, Tag("(text)")] | Annotated[RosActionSpec, Tag("(topic)")], Discriminator(_is_list)
+]
+ActionsValue = Annotated[
+    Annotated[PythonFile, Tag("(text)")] | Annotated[list[ActionItem], Tag("(topic)")],
+    Discriminator(_is_list),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string", "pattern": PYTHON_FILE},
+                {
+                    "type": "array",
+                    "items": {"anyOf": [{"type": "string", "pattern": PYTHON_FILE}, RosActionSpec.model_json_schema()]},
+                },
+            ]
+        }
+    ),
+]
+
+
 class BodySpec(_Strict):
     """What the bodies of some robots are, or of all."""
 
@@ -544,7 +588,7 @@ class LabFile(_Strict):
 
     lab: Annotated[str, Field(pattern=LAB_NAME)]
     program: Annotated[str, Field(min_length=1)]
-    actions: PythonFile | None = None
+    actions: ActionsValue | None = None
     events: PythonFile | None = None
     seed: Seed = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S

@@ -90,6 +90,8 @@ class WorldServer:
         )
         self._time = LabTime()
         self._tick = 0
+        self._begun: Instant = 0
+        """Lab time when this process began to be the world."""
         self._late = 0
         self._late_commands = LateCommands()
         self._set_back = 0
@@ -118,7 +120,7 @@ class WorldServer:
         if not held["runs"]:
             return
         self._tick = held["tick"] + SAVE_EVERY
-        now = tick_start(self._tick)
+        self._begun = now = tick_start(self._tick)
         self._physics.bring_back(self._tick, held)
         self._incarnations.bring_back(held["lives"], now)
         self._awaited = frozenset(held["here"])
@@ -240,11 +242,23 @@ class WorldServer:
 
     def _on_act(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
-        if isinstance(body, wire.Act) and message.sender in self._alive and self._time.state == "running":
+        if message.sender not in self._alive or self._time.state != "running":
+            return
+        if isinstance(body, wire.Perform):
+            self._perform(message.sender, message.run, body)
+        elif isinstance(body, wire.Act):
             self._commanded[message.sender] = twist = Twist(body.v, body.w)
             now = self._time.at(time.monotonic_ns())
             self._late_commands.note(message.sender, body.stamp, now)
             self._bodies.act(message.sender, twist, body.stamp, now)
+
+    def _perform(self, robot: int, run: int, wish: wire.Perform) -> None:
+        """Carry out what a robot has said now, or says again: a world that was killed meanwhile does not know of it."""
+        if wish.name is not None and wish.begun < self._begun:
+            lost = wire.Performed(wish.serial, "the world was started again meanwhile")
+            self._bus.publish(self._keys.sense(robot), lost)
+        else:
+            self._bodies.perform((robot, run, wish.serial), wish.name, wish.args)
 
     def _on_status(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
@@ -324,6 +338,8 @@ class WorldServer:
         for _ in range(ticks):
             self._tick += 1
             self._bodies.carry(tick_start(self._tick))
+            for (ended, _, serial), failure in self._bodies.performed():
+                self._bus.publish(self._keys.sense(ended), wire.Performed(serial, failure))
             self._physics.step(tick_start(self._tick))
         self._bodies.show(tick_start(self._tick), self._alive)
         for robot in sorted(self._alive):

@@ -45,6 +45,7 @@ def map_of(lab: Lab, seed: int) -> wire.Map:
         finish=None if finish is None else (finish.name, finish.constants),
         clock="waiting",
         disturbances=tuple(lab.disturbances),
+        performs=lab.performs,
     )
 
 

@@ -37,7 +37,7 @@ from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.record.run_files import attach_lab
 from rmr_world.finding import LabError
-from rmr_world.lab import Lab
+from rmr_world.lab import Lab, ros_name
 from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.server import WorldServer
 from rmr_world.world_messages import map_of
@@ -47,6 +47,7 @@ NO_RCLPY = "install rclpy by pip install 'rmr-robots[ros2]', or source the setup
 """What to do where it is missing."""
 
 if TYPE_CHECKING:
+    from rmr_ros.ros_actions import ActionCall
     from rmr_ros.ros_bridge import RosBridge
     from rmr_ros.ros_facts import TopicReading
 
@@ -63,7 +64,7 @@ def _load(options: argparse.Namespace) -> tuple[Lab, Program | None]:
     lab = load_lab(options.config)
     if options.seed is not None:
         lab = replace(lab, seed=options.seed)
-    if options.program is not None or lab.topic_facts:
+    if options.program is not None or lab.topic_facts or lab.ros_actions:
         program = _checked_program(lab, options.program or lab.program)
     return lab if options.robots is None else lab.with_robots(options.robots), program
 
@@ -106,41 +107,69 @@ def _readings(lab: Lab, program: Program | None) -> "list[TopicReading]":
     """Return what each robot reads of topics."""
     from rmr_ros.ros_facts import TopicReading  # noqa: PLC0415 - as the bridge
 
-    spaces = {body.robot: body.namespace for body in lab.bodies}
+    spaces = _namespaces(lab)
     found = []
     for each in lab.topic_facts:
         assert program is not None, "it is loaded for a lab with such facts"
         name = each.fact.name
-        types = tuple(kind.base.name.lower() for kind in program.predicates[program.index(name) or 0].types)
+        types = _types(program, name)
         for robot in (one for one in lab.roster if each.fact.owner in (None, one)):
-            topic = each.name_of(robot, spaces.get(robot, f"/robot_{robot}"))
+            topic = ros_name(each.topic, robot, spaces[robot])
             found.append(TopicReading(each.item, robot, topic, each.type, name, each.fact.args, types, each.every))
     return found
+
+
+def _calls(lab: Lab, program: Program | None) -> "list[ActionCall]":
+    """Return what each robot's actions call or publish."""
+    from rmr_ros.ros_actions import ActionCall  # noqa: PLC0415 - as the bridge
+
+    spaces = _namespaces(lab)
+    found = []
+    for each in lab.ros_actions:
+        assert program is not None, "it is loaded for a lab with such actions"
+        about = each.name, _types(program, each.name), each.args, each.fields, each.type
+        for robot in (one for one in lab.roster if each.owner in (None, one)):
+            end = ros_name(each.topic or each.service, robot, spaces[robot])
+            found.append(ActionCall(each.item, robot, *about, end, bool(each.service), each.within))
+    return found
+
+
+def _namespaces(lab: Lab) -> dict[int, str]:
+    """Return the namespace in ROS 2 of each robot."""
+    return {robot: f"/robot_{robot}" for robot in lab.roster} | {body.robot: body.namespace for body in lab.bodies}
+
+
+def _types(program: Program, name: str) -> tuple[str, ...]:
+    """Return the types of the arguments of a predicate, in words."""
+    return tuple(kind.base.name.lower() for kind in program.predicates[program.index(name) or 0].types)
 
 
 async def _bridge(
     lab: Lab, ending: Ending, program: Program | None = None, *, shows: bool = False
 ) -> "RosBridge | None":
     """Return the lab in ROS 2, once its robots there have come; None without any, or where the end came before."""
-    if not lab.bodies and not lab.topic_facts and not shows:
+    if not (lab.bodies or lab.topic_facts or lab.ros_actions or shows):
         return None
     try:
         from rmr_ros.ros_bridge import BridgeError, RosBridge  # noqa: PLC0415 - rclpy, for labs that ask for it
     except ImportError as error:
         robots = spelled([body.robot for body in lab.bodies])
         others = "the lab has facts from topics" if lab.topic_facts else "--ros2 shows the robots in ROS 2"
+        others = "the lab has actions of ROS 2" if lab.ros_actions else others
         why = f"robots {robots} have bodies in ROS 2" if robots else others
         ending.ask(f"{why}: {NO_RCLPY} ({error})", ExitCode.FAILED)
         return None
     try:
         starts = {robot.id: robot.pose for robot in lab.robots}
-        bridge = RosBridge(lab.name, lab.bodies, lab.arena, starts, _readings(lab, program), shows=shows)
+        bridge = RosBridge(
+            lab.name, lab.bodies, lab.arena, starts, _readings(lab, program), _calls(lab, program), shows=shows
+        )
     except BridgeError as error:
         ending.ask(str(error), ExitCode.FAILED)
         return None
     waiting = asyncio.ensure_future(bridge.ready())
     try:
-        if lab.bodies:
+        if lab.bodies or lab.ros_actions:
             log.info("waiting for the robots of ROS 2")
         if await ending.unless_asked(waiting):
             waiting.result()

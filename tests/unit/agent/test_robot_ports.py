@@ -2,15 +2,18 @@
 
 from random import Random
 
+import pytest
+
 from rmr.base.geometry import STILL, Twist
 from rmr.base.time import NS_PER_MS
 from rmr.bus import wire
+from rmr.node.actions.handle import ActionFailed
 from rmr.node.ports import SeenBody
 from rmr.radio.air import Announcement
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import airtime
 from rmr.radio.station import Station
-from rmr_agent.bus_ports import AHEAD_MAX, FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
+from rmr_agent.bus_ports import AHEAD_MAX, FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink, WorldActions
 
 MS = NS_PER_MS
 
@@ -111,3 +114,36 @@ def test_a_wheel_command_leaves_with_its_instant():
     body.act(Twist(0.2, -1.0), 99)
     assert sent == [wire.Act(0.2, -1.0, 99)]
     assert body.twist == Twist(0.2, -1.0)
+
+
+def test_an_action_of_the_world_is_asked_for_twice_a_second_until_its_end_is_told():
+    now, said = [5], []
+    actions = WorldActions(said.append, lambda: now[0])
+    run = actions.handlers(["grip"])["grip"].run
+    first, second = run(None, 0.5).__await__(), run(None, 0.7).__await__()
+    pause, other = next(first), next(second)
+    assert said == [wire.Perform(1, "grip", (0.5,), 5), wire.Perform(2, "grip", (0.7,), 5)]
+    assert not pause.over(now[0])
+    now[0] = 500 * MS + 5
+    assert pause.over(now[0])
+    pause = next(first)
+    assert said[2:] == [wire.Perform(1, "grip", (0.5,), 5)], "it says when it began"
+    actions.heard(wire.Performed(1, ""))
+    assert pause.over(now[0])
+    actions.heard(wire.Performed(2, "jammed"))
+    assert other.over(now[0])
+    with pytest.raises(StopIteration):
+        next(first)
+    with pytest.raises(ActionFailed, match="jammed"):
+        next(second)
+    actions.heard(wire.Performed(1, "late"))
+    assert len(said) == 3
+
+
+def test_an_action_of_the_world_that_is_broken_off_is_taken_back():
+    said = []
+    actions = WorldActions(said.append, lambda: 5)
+    begun = actions.handlers(["grip"])["grip"].run(None).__await__()
+    next(begun)
+    begun.close()
+    assert said == [wire.Perform(1, "grip", (), 5), wire.Perform(1, None, (), 5)]

@@ -164,6 +164,8 @@ MESSAGES = {
         st.none() | st.lists(st.tuples(names, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
     ),
     wire.Act: st.builds(wire.Act, quantities, quantities, instants),
+    wire.Perform: st.builds(wire.Perform, counts, st.none() | names, st.lists(values, **lists).map(tuple), instants),
+    wire.Performed: st.builds(wire.Performed, counts, lines),
     wire.AskClock: st.just(wire.AskClock()),
     wire.Clock: st.builds(wire.Clock, st.sampled_from(wire.CLOCK_STATES), instants, instants),
     wire.AskMap: st.builds(wire.AskMap, robots, counts),
@@ -182,6 +184,7 @@ MESSAGES = {
         st.sampled_from(wire.CLOCK_STATES),
         st.lists(disturbances, **lists).map(tuple),
         st.none() | instants,
+        st.lists(names, **lists).map(tuple),
     ),
     wire.Truth: st.builds(
         wire.Truth,

@@ -83,7 +83,10 @@ class Node:
             {"fact": "battery(R, header)"},
             "header is a std_msgs/Header; name a field of it: header.stamp, header.frame_id",
         ),
-        ({"fact": "battery(R, cell_voltage)"}, r"cell_voltage is a list \(sequence<float>\); a fact takes one value"),
+        (
+            {"fact": "battery(R, cell_voltage)"},
+            r"cell_voltage is a list \(sequence<float>\); name a field of one value",
+        ),
         ({"types": ("int",)}, "argument 2 of 'battery' is a int, and the field voltage a float"),
         ({"fact": "battery(R, 1, present)", "types": ("int", "float")}, "argument 3 of 'battery' is a float"),
     ],

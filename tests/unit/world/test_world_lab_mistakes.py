@@ -1,12 +1,11 @@
 """The lab file: every mistake with its line and column, all at once."""
 
-from dataclasses import replace
-
 import pytest
 from world_labs import ROOM, complaints, lab_of, problems_of
 
 from rmr.radio.links import DISTURBANCES_MAX
 from rmr_world.finding import LabError
+from rmr_world.lab import ros_name
 from rmr_world.lab_file import load_lab
 
 TWO = ROOM.replace("  - {id: 1", "  - {id: 2, pose: [1, 1, 0]}\n  - {id: 1")
@@ -81,6 +80,28 @@ MISTAKES = [
     ("facts: [{topic: b, type: a/B, fact: 'b(R, v)', every: 0s}]", "6:55: facts.0.every: should be greater than 0"),
     ("facts: [{topic: b, type: a/B, fact: 'b(R, V)'}]", "6:37: facts.0.fact: an argument is a field of the message"),
     ("facts: [{topic: b, type: a/B, fact: 'b(@9, v)'}]", "6:37: facts.0.fact: robot 9 is not in this lab"),
+    ("actions: act.rb", "6:10: actions: should be a Python file, FILE.py, not 'act.rb'"),
+    ("actions: [act.py]", "6:10: actions: there is no file "),
+    ("actions: [{action: b, type: a/B}]", "6:11: actions.0: should have exactly one of topic, service"),
+    (
+        "actions: [{action: b, type: a/B, topic: c, service: d}]",
+        "6:11: actions.0: should have exactly one of topic, service, not topic and service",
+    ),
+    ("actions: [{action: b, topic: c}]", "6:11: actions.0.type: is missing"),
+    (
+        "actions: [{action: b, topic: c, type: a/B, feilds: {}}]",
+        "6:44: actions.0.feilds: unknown key; did you mean 'fields'?",
+    ),
+    (
+        "actions: [{action: 'b(R, 4)', topic: c, type: a/B}]",
+        "6:20: actions.0.action: an argument is the field that gets it",
+    ),
+    ("actions: [{action: 'b(@9)', topic: c, type: a/B}]", "6:20: actions.0.action: robot 9 is not in this lab"),
+    (
+        "actions: [{action: b, topic: c, type: a/B}, {action: b(@1), service: d, type: a/B}]",
+        "6:54: actions.1.action: 'b' of the same robot stands in actions.0, too",
+    ),
+    ("actions: [{action: b, service: c, type: a/B, within: 0s}]", "6:54: actions.0.within: should be greater than 0"),
     ("facts: ['due(@1, a.b)']", "6:9: facts.0: expected a value, found 'a.b'"),
     ("facts: [4]", "6:9: facts.0: should be a valid string, not 4; a fact is text"),
     ("obstacles: [{box: [1, 1, 0, 2]}]", "6:13: obstacles.0: box should be [x0, y0, x1, y1] with x0 < x1"),
@@ -194,11 +215,27 @@ def test_facts_of_topics_are_apart_from_those_of_the_start_which_keep_their_plac
     assert not lab.is_closed
     first, second = lab.topic_facts
     assert (first.item, first.every, first.fact.owner, second.item, second.fact.owner) == (0, 500_000_000, None, 2, 2)
-    assert first.name_of(2, "/tb3_2") == "/tb3_2/battery"
-    assert replace(first, topic="/fleet/r{id}").name_of(2, "/tb3_2") == "/fleet/r2"
+    assert ros_name(first.topic, 2, "/tb3_2") == "/tb3_2/battery"
+    assert ros_name("/fleet/r{id}", 2, "/tb3_2") == "/fleet/r2"
     assert lab.with_robots(1).topic_facts == lab.topic_facts  # robot 2 is the first in the file
     spare = lab_of(tmp_path, TWO.replace("id: 2", "id: 3") + f"facts: [{entry.replace('R,', '@1,')}]\n")
     assert spare.with_robots(1).topic_facts == ()
+
+
+def test_actions_of_ros_2_stand_beside_the_file_of_the_programs_own(tmp_path):
+    (tmp_path / "acts.py").write_text("")
+    entry = "{action: 'grip(R, data)', service: grip, type: std_srvs/SetBool, fields: {a.b: 1}, within: 2s}"
+    lab = lab_of(tmp_path, TWO + f"actions:\n  - acts.py\n  - {entry}\n  - {entry.replace('grip(R,', 'g(@1,')}\n")
+    assert lab.actions.name == "acts.py"
+    first, second = lab.ros_actions
+    assert (first.name, first.owner, first.args, first.fields) == ("grip", None, ("data",), (("a.b", 1),))
+    assert (first.service, first.topic, first.within, second.item, second.owner) == ("grip", "", 2 * 10**9, 2, 1)
+    assert lab.performs == ("grip", "g")
+    assert lab.with_robots(1).performs == ("grip",), "robot 2 is the first in the file"
+    alone = lab_of(tmp_path, TWO + "actions: acts.py\n")
+    assert (alone.actions.name, alone.performs) == ("acts.py", ())
+    (found,) = complaints(tmp_path, ROOM + "actions: [acts.py, b.py]\n")
+    assert "names two files, acts.py and b.py" in found
 
 
 ROBOT_MISTAKES = [

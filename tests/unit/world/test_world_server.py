@@ -175,6 +175,7 @@ class Bridge:
     def __init__(self) -> None:
         self.at = Pose(1.0, 0.9, 0.0)
         self.acts: list[tuple[object, ...]] = []
+        self.performing: list[tuple[object, ...]] = []
         self.silent = False
         self.seen: tuple[SeenBody, ...] = ()
 
@@ -194,6 +195,13 @@ class Bridge:
 
     def act(self, *command: object) -> None:
         self.acts.append(command)
+
+    def perform(self, *wish: object) -> None:
+        self.performing.append(wish)
+
+    def performed(self) -> list[tuple[tuple[int, int, int], str]]:
+        ended, self.performing = self.performing, []
+        return [(asked, "jammed") for asked, _name, _args in ended]
 
     def report(self) -> dict[str, object]:
         return {"2": {"odometry": 7}}
@@ -231,6 +239,32 @@ def test_a_body_from_outside_is_commanded_and_sensed_by_the_bridge_and_seen_by_t
     assert bus.published == []
 
 
+def test_an_action_that_the_world_performs_is_answered_but_not_one_of_before_it_began(monkeypatch):
+    monkeypatch.setattr(server.time, "monotonic_ns", lambda: tick_start(30))
+    bridge = Bridge()
+    bus = StubBus()
+    world = WorldServer(load_lab(LABS / "testbed" / "lab.yaml"), 1, bus, Ending(), when_ready=False, bridge=bridge)
+    wish = wire.Perform(7, "grip", (0.5,), tick_start(20))
+    world._on_act("", wire.Envelope(2, 99, 1, wish))
+    world._time.start(0, 0)
+    world._on_act("", wire.Envelope(2, 99, 1, wish))
+    assert bridge.performing == [], "lab time did not run, then the robot was not there"
+    world._alive |= {2}
+    world._on_act("", wire.Envelope(2, 99, 1, wish))
+    assert bridge.performing == [((2, 99, 7), "grip", (0.5,))]
+    world._catch_up()
+    answers = [(key, body) for key, body in bus.published if isinstance(body, wire.Performed)]
+    assert answers == [(world._keys.sense(2), wire.Performed(7, "jammed"))]
+    bus.published.clear()
+    world._begun = tick_start(25)
+    world._on_act("", wire.Envelope(2, 99, 1, wish))
+    assert bus.published == [
+        (world._keys.sense(2), wire.Performed(7, "the world was started again meanwhile")),
+    ]
+    world._on_act("", wire.Envelope(2, 99, 1, wish._replace(name=None, args=())))
+    assert bridge.performing == [((2, 99, 7), None, ())], "what it does not know it breaks off all the same"
+
+
 class View:
     """What is shown to ROS 2, which wants all robots to drive."""
 
@@ -248,7 +282,11 @@ def test_a_view_shows_all_bodies_and_drives_those_without_a_mind(monkeypatch):
     ticks = count(1)
     monkeypatch.setattr(server.time, "monotonic_ns", lambda: tick_start(next(ticks)))
     bridge = SimpleNamespace(
-        robots=(), view=View(), step=lambda _now: None, told=lambda _robot: ((("battery", (0.5,)),))
+        robots=(),
+        view=View(),
+        step=lambda _now: None,
+        told=lambda _robot: ((("battery", (0.5,)),)),
+        performed=lambda: (),
     )
     lab = load_lab(LABS / "testbed" / "lab.yaml")
     world = WorldServer(lab, 1, StubBus(), Ending(), when_ready=False, bridge=bridge)

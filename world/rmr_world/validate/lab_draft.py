@@ -5,44 +5,47 @@ that crosses itself, a fact that does not parse) becomes an error of the draft a
 other rule: whether the parts fit together is checked by `floor_fit` and `reference_fit`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import inf
 from pathlib import Path
 
 from rmr.base.arena import BOTTLENECK, Area, Arena, FloorPassage, Obstacle, Polygon, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.motion_scale import view_depth
-from rmr.base.time import NEVER
-from rmr.radio.links import Disturbance, deafened, muted, partition
+from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
-from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish, parse_topic_fact
+from rmr_world.fact_syntax import (
+    FinishPattern,
+    TermError,
+    parse_fact,
+    parse_finish,
+    parse_ros_action,
+    parse_topic_fact,
+)
+from rmr_world.faults import permanent_faults, timed_faults
 from rmr_world.finding import FilePath, Finding, near_miss
 from rmr_world.found_passages import found_passages
 from rmr_world.hosts import hosts_of
 from rmr_world.lab import (
     KEYED,
     Fault,
-    Kill,
     Lab,
     Localisation,
-    Outage,
     ProgramLoad,
     RadioSettings,
-    Restart,
     RobotStart,
     Ros2Body,
-    Slow,
-    Stall,
+    RosAction,
     TopicFact,
+    ros_name,
 )
 from rmr_world.lab_geometry import area_of, box_corners, grid_poses, obstacles_of
 from rmr_world.random_facts import StatedFact
-from rmr_world.schema import RADIUS_M_MIN, AreaSpec, FaultSpec, LinkSpec, RadioSpec, RobotSpec, Ros2Spec
+from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec, Ros2Spec
 from rmr_world.validate.schema_conformance import SchemaResult
 
 
@@ -78,6 +81,12 @@ class LabDraft:
         self.facts = self._facts()
         """Facts by their index in the file."""
         self.topic_facts = self._topic_facts()
+        given = self.spec.actions
+        self.action_files = (
+            [given] if isinstance(given, str) else [each for each in given or () if isinstance(each, str)]
+        )
+        """The file of handlers, if there is one; more are a mistake."""
+        self.ros_actions = self._ros_actions()
         self.finish = None if not self.spec.finish else self._finish(self.spec.finish)
         self.bodies = self._bodies()
         """Bodies that are not simulated, each with the index of its entry in the file."""
@@ -113,6 +122,7 @@ class LabDraft:
             facts=tuple(text for text in spec.facts if isinstance(text, str)),
             fact_items=tuple(i for i, _ in self.facts),
             topic_facts=tuple(self.topic_facts),
+            ros_actions=tuple(self.ros_actions),
             radio=_radio_settings(spec.radio),
             localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
             bodies=tuple(body for _, body in self.bodies),
@@ -120,7 +130,7 @@ class LabDraft:
             disturbances=tuple(fault for fault in faults if isinstance(fault, Disturbance)),
             loads=tuple(ProgramLoad(load.at, folder / load.program, tuple(load.robots or ())) for load in spec.loads),
             path=self.path,
-            actions=None if spec.actions is None else folder / spec.actions,
+            actions=folder / self.action_files[0] if self.action_files else None,
             events=None if spec.events is None else folder / spec.events,
             map_file=None if spec.map is None else folder / spec.map,
             key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
@@ -287,6 +297,21 @@ class LabDraft:
                 self.errors.append(self.error(("facts", i, "fact"), str(error)))
         return parsed
 
+    def _ros_actions(self) -> list[RosAction]:
+        parsed = []
+        given = self.spec.actions
+        for i, item in enumerate(() if isinstance(given, str) else given or ()):
+            if isinstance(item, str):
+                continue
+            try:
+                about = parse_ros_action(item.action)
+            except TermError as error:
+                self.errors.append(self.error(("actions", i, "action"), str(error)))
+                continue
+            ends = item.topic or "", item.service or ""
+            parsed.append(RosAction(*about, item.type, *ends, tuple(item.fields.items()), item.within, i))
+        return parsed
+
     def _finish(self, text: str) -> FinishPattern | None:
         try:
             return parse_finish(text)
@@ -329,8 +354,7 @@ def _radio_settings(spec: RadioSpec) -> RadioSettings:
 def _ros2_body(spec: Ros2Spec, robot: int) -> Ros2Body:
     namespace = spec.namespace.rstrip("/")
     odom, cmd_vel, pose, scan = (
-        (name if name.startswith("/") else f"{namespace}/{name}").replace("{id}", str(robot)) if name else ""
-        for name in (spec.odom, spec.cmd_vel, spec.pose, spec.scan)
+        ros_name(name, robot, namespace) if name else "" for name in (spec.odom, spec.cmd_vel, spec.pose, spec.scan)
     )
     places = Pose(*spec.origin), namespace, scan, Pose(*spec.scan_at)
     return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, *places)
@@ -343,56 +367,3 @@ def _starts(spec: RobotSpec) -> list[RobotStart]:
     assert spec.id is not None
     assert spec.pose is not None
     return [RobotStart(spec.id, Pose(*spec.pose))]
-
-
-# ---- faults of a lab file as values: the schema's models become faults of robots and disturbances of the radio
-#
-# `radio.links` and `radio.partition` hold for the whole run; an entry of `faults` holds at an instant or for a
-# span. All that concerns the radio becomes `rmr.radio.links.Disturbance`. Each value comes with the path of the
-# robots in the file.
-
-
-def permanent_faults(radio: RadioSpec) -> Iterator[tuple[FilePath, Disturbance]]:
-    """Yield the disturbances that hold for the whole run."""
-    for i, spec in enumerate(radio.links):
-        yield ("radio", "links", i, "link"), _disturbance(spec)
-    if radio.partition is not None:
-        yield ("radio", "partition"), partition(radio.partition)
-
-
-def timed_faults(
-    spec: FaultSpec, path: FilePath, roster: Sequence[int]
-) -> Iterator[tuple[FilePath, Fault | Disturbance]]:
-    """Yield the faults of the entry at `path`; an outage of all robots is one fault for each of `roster`."""
-    start = spec.from_ or 0
-    end = spec.to or NEVER
-    if spec.kill is not None:
-        yield path, Kill(spec.at or 0, spec.kill)
-    elif spec.restart is not None:
-        yield path, Restart(spec.at or 0, spec.restart)
-    elif spec.stall is not None:
-        yield path, Stall(start, end, spec.stall)
-    elif spec.slow is not None:
-        yield path, Slow(start, end, spec.slow, spec.every or 0)
-    elif spec.outage is not None:
-        yield from (((*path, "outage"), Outage(start, end, robot)) for robot in spec.outage or roster)
-    elif spec.partition is not None:
-        yield (*path, "partition"), partition(spec.partition, start, end)._replace(one_way=spec.one_way)
-    elif spec.mute is not None or spec.deaf is not None:
-        yield from _mute_or_deaf(spec, path, roster)
-    else:
-        yield (*path, "link"), _disturbance(spec)._replace(since=start, until=end)
-
-
-def _mute_or_deaf(spec: FaultSpec, path: FilePath, roster: Sequence[int]) -> Iterator[tuple[FilePath, Disturbance]]:
-    """Yield the cut of all frames from or to one robot; none in a lab without other robots."""
-    for key, robot, cut in (("mute", spec.mute, muted), ("deaf", spec.deaf, deafened)):
-        if robot is not None and any(other != robot for other in roster):
-            yield (*path, key), cut(robot, roster, spec.from_ or 0, spec.to or NEVER)
-
-
-def _disturbance(spec: LinkSpec | FaultSpec) -> Disturbance:
-    """Return the effect of `spec` on its link, or on all links if it names none, without an end."""
-    groups = tuple((robot,) for robot in spec.link or ())
-    attenuation_db = inf if spec.cut else spec.attenuation_db or 0.0
-    return Disturbance(groups=groups, one_way=spec.one_way, loss=spec.loss or 0.0, attenuation_db=attenuation_db)

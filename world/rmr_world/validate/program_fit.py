@@ -66,6 +66,20 @@ def topic_facts_typed(lab: Lab, program: Program) -> Iterator[Finding]:
             yield lab.error(("facts", each.item, "fact"), message)
 
 
+def ros_actions_known(lab: Lab, program: Program) -> Iterator[Finding]:
+    """The program declares each action that ROS 2 carries out, with as many arguments."""
+    for each in lab.ros_actions:
+        known = program.index(each.name)
+        if known is None or program.predicates[known].kind is not Kind.ACTION:
+            names = [p.name for p in program.predicates if p.kind is Kind.ACTION]
+            message = f"the program declares no action '{each.name}'{near_miss(each.name, names)}"
+        elif len(program.predicates[known].types) != len(each.args):
+            message = _arity(each.name, len(program.predicates[known].types) + 1, len(each.args) + 1)
+        else:
+            continue
+        yield lab.error(("actions", each.item, "action"), message)
+
+
 def fact_areas_defined(lab: Lab, program: Program) -> Iterator[Finding]:
     """The lab defines each area that its facts name."""
     for index, fact in _numbered_facts(lab):
@@ -93,7 +107,15 @@ def finish_known(lab: Lab, program: Program) -> Iterator[Finding]:
         yield lab.error(("finish",), _arity(pattern.name, len(types) + 1, len(pattern.patterns) + 1))
 
 
-CHECKS = (areas_defined, queues_defined, facts_typed, topic_facts_typed, fact_areas_defined, finish_known)
+CHECKS = (
+    areas_defined,
+    queues_defined,
+    facts_typed,
+    topic_facts_typed,
+    ros_actions_known,
+    fact_areas_defined,
+    finish_known,
+)
 """The rules of lab and program."""
 
 

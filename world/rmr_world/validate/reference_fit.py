@@ -26,10 +26,13 @@ def program_suffix(draft: LabDraft) -> Iterator[Finding]:
 
 
 def user_files_exist(draft: LabDraft) -> Iterator[Finding]:
-    """The files of actions and of events are there."""
-    for key, name in (("actions", draft.spec.actions), ("events", draft.spec.events)):
+    """The files of actions and of events are there, one of each at most."""
+    for key, names in (("actions", draft.action_files), ("events", [draft.spec.events])):
+        name = names[0] if names else None
         if name is None:
             continue
+        if len(names) > 1:
+            yield draft.error((key,), f"names two files, {name} and {names[1]}: put all handlers into one")
         file = draft.path.parent / name
         if not file.is_file():
             beside = sorted(each.name for each in file.parent.glob("*.py"))
@@ -44,6 +47,18 @@ def fact_owners_known(draft: LabDraft) -> Iterator[Finding]:
     for each in draft.topic_facts:
         if each.fact.owner is not None and draft.robot_is_unknown(each.fact.owner):
             yield draft.error(("facts", each.item, "fact"), f"robot {each.fact.owner} is not in this lab")
+
+
+def ros_actions_apart(draft: LabDraft) -> Iterator[Finding]:
+    """The robot of an action that ROS 2 carries out is in the lab, and has one such action of this name."""
+    for k, each in enumerate(draft.ros_actions):
+        path = ("actions", each.item, "action")
+        if each.owner is not None and draft.robot_is_unknown(each.owner):
+            yield draft.error(path, f"robot {each.owner} is not in this lab")
+        for other in draft.ros_actions[:k]:
+            if other.name == each.name and (other.owner == each.owner or None in (other.owner, each.owner)):
+                yield draft.error(path, f"'{each.name}' of the same robot stands in actions.{other.item}, too")
+                break
 
 
 def finish_area_fits(draft: LabDraft) -> Iterator[Finding]:
@@ -191,6 +206,7 @@ CHECKS = (
     program_suffix,
     user_files_exist,
     fact_owners_known,
+    ros_actions_apart,
     finish_area_fits,
     quorum_fits,
     fault_robots_known,
