@@ -113,6 +113,8 @@ MESSAGES = [
     wire.Handshake(air()),
     wire.Sense(5, 0.1, 0.1, 0.0, 0.0, ((0, 0.5),), ((0.3, 0.0, 0.1, 0.0),), False, (0.4, 0.2, 0.0)),
     wire.Act(0.1, 0.0, 1),
+    wire.Perform(1, "grip", (True, Robot(1), (1, 2.0)), 1),
+    wire.Performed(1, "the gripper is hot"),
     wire.AskClock(),
     wire.Clock("running", 0, 0),
     wire.AskMap(1, 7),
