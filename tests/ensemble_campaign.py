@@ -4,15 +4,18 @@ Robots crash and lose their memory, or crash and execute their journal again (`D
 its own, and every insertion is recorded in every life. At the end the air is healed and all robots live; then no fact
 may have been used twice, no firing be half, and nothing be set aside, held or left unfired.
 
+`LoadHistory` has switches to other programs in it, with ensemble rules and without, of robots that hear of them at
+different instants, and of robots that die around them.
+
 Run as a program for a long campaign: ``python ensemble_campaign.py FIRST LAST [FILE]``; each failing seed is printed,
-and FILE holds the counts so far as JSON.
+and FILE holds the counts so far as JSON. With ``loads`` as a fourth word the histories have switches.
 """
 
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cache
 from heapq import heappop, heappush
 from itertools import product
@@ -432,22 +435,169 @@ class History:
         return [(robot, args[0]) for robot, facts in found for args in facts if not isinstance(args[0], Robot)]  # type: ignore[misc]
 
 
-def histories(first: int, last: int) -> Iterator[tuple[str, History, list[str]]]:
+WITHOUT = (
+    f"{TYPES}tool(A, 0), waiting(A, 0) -o tool(A, 0).\n",
+    """
+type waiting(robot, int).
+type free(robot, int).
+type tool(robot, int).
+type spare(robot, int).
+type !got(robot, int, int, int).
+type !gave(robot, int, int, int).
+type !lent(robot, int, int, int).
+tool(A, 0), waiting(A, 0) -o tool(A, 0).
+""",
+)
+"""Programs that only keep the facts of the others."""
+LOADS = (
+    (PROGRAM, KEPT, MUTUAL, WITHOUT[0], "type !more(robot).\n" + PROGRAM),
+    (TRIO, WITHOUT[1], "type !more(robot).\n" + TRIO),
+)
+"""Programs between which robots switch; all of a row have the same facts."""
+
+
+class LoadHistory(History):
+    """A run in which the robots switch to other programs."""
+
+    def __post_init__(self) -> None:
+        """Draw the programs and the instants of the switches."""
+        self.durable = False
+        super().__post_init__()
+        rng = Random(f"loads {self.seed}")
+        self.programs = LOADS[self.seed % 3 == 0]
+        self.text = rng.choice(self.programs)
+        self.names = ("waiting", "free", "spare")[: 2 + (self.programs is LOADS[1])]
+        self.count = rng.randint(len(self.names), 4)
+        self.disks = self.disks[:1] * self.count
+        self.lives, self.nodes, self.links = [-1] * self.count, [None] * self.count, [None] * self.count
+        self.loss = rng.choice((0.0, 0.1, 0.2, 0.4))
+        self.versions = [self.text, *(rng.choice(self.programs) for _ in range(rng.choice((1, 1, 2, 3))))]
+        """The program of each version; version 0 is that at the start."""
+        self.runs = [0] * self.count
+        """By robot, the version that it runs."""
+        instants = sorted(rng.randrange(seconds(1), FAULTS_FOR) for _ in self.versions[1:])
+        self.due: list[tuple[Instant, int, int, str]] = []
+        for version, at in enumerate(instants, 1):
+            for robot in range(self.count):
+                told = rng.random()
+                if told < 0.8:
+                    heappush(self.due, (at - rng.randrange(seconds(4)), robot, version, "hold"))
+                late = 0 if told < 0.8 else rng.randrange(seconds(8))
+                heappush(self.due, (at + late, robot, version, "switch"))
+            if rng.random() < 0.5:
+                # Near the switch a robot dies, and comes back with the program that it finds.
+                robot = rng.randrange(self.count)
+                died = max(0, at + rng.randrange(-seconds(2), seconds(1)))
+                heappush(self.due, (died, robot, version, "crash"))
+                heappush(self.due, (died + rng.randrange(seconds(6)), robot, version, "start"))
+            for _ in range(rng.choice((4, 12, 30))):
+                before = max(0, at + rng.randrange(-seconds(5), seconds(1)))
+                heappush(self.due, (before, rng.randrange(self.count), rng.randrange(len(self.names)), "fact"))
+            if rng.random() < 0.2:
+                robot = rng.randrange(self.count)
+                aborted = rng.randrange(seconds(1), FAULTS_FOR)
+                heappush(self.due, (aborted, robot, 0, "hold"))
+                heappush(self.due, (aborted + seconds(3), robot, 0, "go on"))
+        self.instants = [0, *instants]
+        self.chance = rng
+        self.switches = self.doubts = 0
+
+    def make(self, config: NodeConfig, link: AirLink, disk: Disk) -> Node:
+        """Return the node of a robot, which has asked the others for their program, mostly in vain if they are few."""
+        robot = config.robot
+        newest = max(version for version, at in enumerate(self.instants) if at <= self.now)
+        heard = newest if self.chance.random() < 0.7 else 0
+        own = self.versions[0]
+        config = replace(config, witness=self.witness(robot, self.lives[robot]))
+        node = Node(config, compiled(own), Ports(link, None), {}, self.digest(own))
+        self.runs[robot] = 0
+        if heard:
+            self.switch(robot, node, heard)
+        elif newest:
+            heappush(self.due, (self.now + self.chance.randrange(seconds(6)), robot, newest, "switch"))
+        return node
+
+    def digest(self, text: str) -> int:
+        """Return the digest of a program."""
+        return 7 + 259 * self.programs.index(text)
+
+    def switch(self, robot: int, node: Node, version: int) -> None:
+        """Let a robot run a newer version."""
+        if version > self.runs[robot]:
+            self.runs[robot] = version
+            self.switches += 1
+            text = self.versions[version]
+            changed = node.change_program(self.now, compiled(text), self.digest(text))
+            self.doubts += bool(changed.in_doubt)
+
+    def witness(self, robot: int, life: int) -> Callable[[int, Instant, object], None]:
+        """Return what records each insertion; what is carried over counts once."""
+
+        def told(_: int, __: Instant, event: object) -> None:
+            if isinstance(event, FactInserted):
+                program = compiled(self.versions[self.runs[robot]])
+                name = program.predicates[event.predicate].name
+                if name in RECORDS and (robot, life, event.args) not in self.seen[name]:
+                    self.seen[name].append((robot, life, event.args))  # type: ignore[arg-type]
+
+        return told
+
+    def until(self, end: Instant) -> None:
+        """Let time pass, with what is due of loads in it."""
+        while self.due and self.due[0][0] <= end:
+            at, robot, version, what = heappop(self.due)
+            super().until(max(at, self.now))
+            node = self.nodes[robot]
+            if what == "start" and node is None:
+                self.start(robot)
+            elif node is None:
+                continue
+            elif what == "crash":
+                self.crash(robot)
+            elif what == "fact":
+                self.insert(robot, self.names[version])
+            elif what == "switch":
+                self.switch(robot, node, version)
+            elif what in ("hold", "go on") and version >= self.runs[robot]:
+                node.hold_offers(self.now, what == "hold")
+        super().until(end)
+
+    def problems(self) -> list[str]:
+        """Return what is wrong at the end."""
+        self.text = self.versions[-1]
+        self.program = compiled(self.text)
+        behind = [robot for robot, version in enumerate(self.runs) if self.versions[version] != self.text]
+        wrong = [f"{robot} runs an old program" for robot in behind]
+        return [*wrong, *super().problems()]
+
+    def unfired(self) -> list[str]:
+        """Facts that a rule could use at the end."""
+        return [] if self.text in WITHOUT else super().unfired()
+
+
+def histories(first: int, last: int, *, loads: bool = False) -> Iterator[tuple[str, History, list[str]]]:
     """Yield where each history stands, the history, and what is wrong with it."""
     for seed in range(first, last):
+        if loads:
+            engine = (Engine.GENERATED, Engine.INTERPRETER)[seed % 8 == 0]
+            history: History = LoadHistory(seed, engine=engine)
+            yield str(seed), history, history.run()
+            continue
         for place, text in enumerate(PROGRAMS):
             engine = (Engine.GENERATED, Engine.INTERPRETER)[seed % 8 == 0]
             history = History(seed, text, engine)
             yield f"{seed} {place}", history, history.run()
 
 
-def main(first: int, last: int, file: Path | None = None) -> int:
+def main(first: int, last: int, file: Path | None = None, *, loads: bool = False) -> int:
     """Run the seeds; return how many fail."""
     counts: Counter[str] = Counter()
-    for name, history, wrong in histories(first, last):
+    for name, history, wrong in histories(first, last, loads=loads):
         counts.update(runs=1, failed=bool(wrong), durable=bool(history.durable), robots=history.count)
         counts.update(facts=len(history.tokens), firings=len(history.firings()), frames=history.frames)
         counts.update(lives=sum(history.lives) + history.count, crashes=history.crashed)
+        if isinstance(history, LoadHistory):
+            counts.update(switches=history.switches, doubts=history.doubts)
         if wrong:
             print(name, wrong[:4], flush=True)
         if file is not None and counts["runs"] % 100 == 0:
@@ -457,4 +607,4 @@ def main(first: int, last: int, file: Path | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]), *map(Path, sys.argv[3:4])) != 0)
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]), *map(Path, sys.argv[3:4]), loads="loads" in sys.argv[4:]) != 0)

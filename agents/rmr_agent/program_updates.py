@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rmr.base.streams import stream
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.bus import wire
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
@@ -79,7 +79,7 @@ class ProgramUpdates:
         except codec.BytecodeError as error:
             raise UnfitError(str(error)) from error
         config = self._config
-        program = fitting_program(octets, digest, config.arena, config.finish, self._handlers, self._node.program)
+        program = fitting_program(octets, digest, config.arena, config.finish, self._handlers)
         if self._configure is not None:
             try:
                 self._configure(program)
@@ -142,7 +142,9 @@ class ProgramUpdates:
         if now >= self.endpoint.next_wake:
             self.endpoint.wake(now)
         switch = self.endpoint.switch(now)
-        if switch is not None:
+        if switch is None:
+            self._node.hold_offers(now, self.endpoint.loader.due < NEVER)
+        else:
             if self._configure is not None:
                 self._node.config = self._configure(switch.program)
                 self._configure = None
@@ -157,6 +159,8 @@ class ProgramUpdates:
             )
             for text in changed.ended():
                 log.info("ended with the old program: %s", text)
+            for text in changed.in_doubt:
+                log.info("settled by the rules of the old program: %s", text)
         for result in self.endpoint.results:
             self._answer(wire.LoadOutcome(json.dumps(result.as_dict()).encode(), ""))
         self.endpoint.results.clear()

@@ -1,8 +1,9 @@
 """Two programs side by side: what a robot that changes from one to the other keeps.
 
-Predicates are the same if name, kind and types are equal, so that every fact of the one is a fact of the other. Time
-assertions are the same if name, start and finish pattern, and the robots they name, are equal; deadline and violation
-may differ. Numbers of predicates and assertions belong to one program: what is kept is renumbered.
+Predicates are the same if name, kind and types are equal, so that every fact of the one is a fact of the other; those
+that the compiler has made for ensemble rules mean something in their own program alone. Time assertions are the same if
+name, start and finish pattern, and the robots they name, are equal; deadline and violation may differ. Numbers of
+predicates and assertions belong to one program: what is kept is renumbered.
 """
 
 from typing import Final
@@ -23,7 +24,11 @@ class ProgramPair:
     def __init__(self, old: Program, new: Program) -> None:
         self.old = old
         self.new = new
-        self.predicates: Final = tuple(self._same(predicate) for predicate in old.predicates)
+        hidden = frozenset([each.predicate for each in new.ensemble])
+        found = [self._same(predicate) for predicate in old.predicates]
+        for each in old.ensemble:
+            found[each.predicate] = None
+        self.predicates: Final = tuple([None if index in hidden else index for index in found])
         """By the old number of a predicate: its new number, None if the new program has no such predicate."""
         self.assertions: Final = self._same_assertions()
         """By the old number of a time assertion: its new number, None if the new program has no such assertion."""

@@ -9,7 +9,7 @@ from rmr.analysis.area_uses import area_uses
 from rmr.base.arena import Arena
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
-from rmr.bytecode.program import Duty, Kind, Program
+from rmr.bytecode.program import Kind, Program
 from rmr.bytecode.provided import PREDICATES
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
@@ -26,9 +26,8 @@ def fitting_program(
     arena: Arena,
     finish: FinishPattern | None,
     handlers: Mapping[str, Handler],
-    running: Program | None = None,
 ) -> Program:
-    """Return the program in `octets`, which has this `digest`; `running` is the robot's. Raises UnfitError."""
+    """Return the program in `octets`, which has this `digest`. Raises UnfitError."""
     try:
         found = codec.digest(octets)
         program = codec.decode(octets)
@@ -36,9 +35,6 @@ def fitting_program(
         raise UnfitError(f"the byte-code is damaged or of another version: {error}") from error
     if found != digest:
         raise UnfitError(f"the byte-code has the digest {found:08x}, not {digest:08x}: it was damaged on its way")
-    # What robots have offered each other is known by the rules of one program: it cannot be carried over.
-    if running is not None and running.predicates and (_joins(program) or _joins(running)):
-        raise UnfitError(f"the {'new' if _joins(program) else 'old'} program has rules over several robots")
     try:
         check_handlers(program, {**PROVIDED, **handlers})
     except MissingHandlers as error:
@@ -56,8 +52,3 @@ def fitting_program(
         if len(program.predicates[index].types) != len(finish[1]):
             raise UnfitError(f"its fact '{finish[0]}', the lab's finish, has another number of arguments")
     return program
-
-
-def _joins(program: Program) -> bool:
-    """Return whether a program has rules over several robots; what is heard of shared facts is heard anew."""
-    return any(each.duty is not Duty.HEARD for each in program.ensemble)

@@ -12,6 +12,7 @@ from rmr.base.values import Robot, Symbol
 from rmr.node import payloads
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.logic.deliveries import ABOUT_JOBS, Deliveries
+from rmr.node.logic.earlier_program import EarlierProgram
 from rmr.node.logic.inbound import Arrival
 from rmr.node.logic.shared_facts import SharedFacts
 from rmr.node.parts import Radio
@@ -20,6 +21,8 @@ from rmr.node.peers.presence import Presence, decode_hello_cached
 from rmr.node.ports import RadioPort, Received, Spoken
 from rmr.node.robot_state import RobotState
 from rmr.vm.provenance import DeliveredCause
+from rmr.vm.shared import shared_of
+from rmr.vm.store import Args
 
 
 class Transmitter:
@@ -61,7 +64,14 @@ class Messenger:
     ) -> None:
         self.shared = shared
         self.exchange = deliveries.exchange
+        self.exchange.loaded = state.changes > 0
         self.deliveries = deliveries
+        self.earlier: dict[int, EarlierProgram] = {}
+        """By digest of 16 bits, the programs that the robot has run before in this life and that have offered."""
+        self.offers_are_held = False
+        """Whether no offer is to be made, as a change of programs is ahead."""
+        self.offers_held: list[Args] = []
+        """What the next offer takes its number from, meanwhile."""
         self.malformed = 0
         """Frames dropped because no robot of this program sends such."""
         self._state = state
@@ -79,6 +89,8 @@ class Messenger:
         hello = self._presence.next_wake
         delivery = self.exchange.next_wake
         due = hello if hello < delivery else delivery
+        for program in self.earlier.values():
+            due = min(due, program.next_wake)
         return min(due, self.shared.next_wake) if self.shared.used else due
 
     def wake(self, now: Instant) -> None:
@@ -88,17 +100,51 @@ class Messenger:
             self.exchange.wake(now)
         if self.shared.used:
             self.shared.wake(now)
+        for program in self.earlier.values():
+            if now >= program.next_wake:
+                program.wake(now, self.exchange)
         self.flush(now)
 
     def flush(self, now: Instant) -> None:
         """Hand the radio what is to leave at once, and see to what became of what has left."""
         exchange = self.exchange
+        if self.earlier:
+            self._settle(now)
         if exchange.outbox:
             for payload, destination, due in exchange.outbox:
                 self._radio.transmit(payload, destination, due)
             exchange.outbox.clear()
         if exchange.news:
             self.deliveries.collect(now)
+
+    def hold_offers(self, now: Instant, held: bool) -> None:
+        """Offer nothing more by ensemble rules while `held`."""
+        machine = self._state.machine
+        count = shared_of(machine.program).count
+        if count is None:
+            return
+        self.offers_are_held = held
+        if held:
+            self.offers_held += machine.take_out(now, count)
+        else:
+            for args in self.offers_held:
+                machine.insert(now, count, args)
+            self.offers_held.clear()
+        self._state.mark_dirty()
+
+    def _settle(self, now: Instant) -> None:
+        """See to what has become known about offers of earlier programs."""
+        exchange = self.exchange
+        settled = [each for each in exchange.news if each.earlier in self.earlier]
+        if settled or exchange.unknown:
+            exchange.news = [each for each in exchange.news if each not in settled]
+            unknown, exchange.unknown = exchange.unknown, []
+            self._state.mark_dirty()
+            for news in settled:
+                self.earlier[news.earlier or 0].outcome(now, news, exchange)
+            for each in unknown:
+                if each.digest in self.earlier:
+                    self.earlier[each.digest].not_known(now, each, exchange)
 
     def run(self, now: Instant) -> None:
         """Handle all that has arrived since the last call, and say what is due: the executive's radio task."""
@@ -162,6 +208,8 @@ class Messenger:
                 self.exchange.asked(payload, frame.source)
             case PayloadKind.FACT_LIFE:
                 self.exchange.life_told(now, payload, frame.source)
+            case PayloadKind.FACT_UNKNOWN:
+                self.exchange.unknown_told(now, payload, frame.source)
             case PayloadKind.SHARED:
                 if self.shared.used:
                     self.shared.received(now, frame)
@@ -190,6 +238,10 @@ class Messenger:
         if not arrival.body:  # it waited while the program changed, and the new one has no use for it
             return
         try:
+            if arrival.earlier is not None:
+                if arrival.earlier in self.earlier:
+                    self.earlier[arrival.earlier].arrived(now, arrival.body, self.exchange)
+                return
             self.deliveries.arrived(now, arrival.body, DeliveredCause(*arrival[:3]))
         except WireError as error:
             self._malformed(now, arrival.source, error)

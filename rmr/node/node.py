@@ -41,6 +41,9 @@ from rmr.vm.machine import FIRING_BUDGET
 from rmr.vm.provenance import GivenCause
 from rmr.vm.shared import shared_of
 
+OFFERS_HELD: Final = "offers held"
+"""No name of a predicate: what a host orders in the form of an insertion (`Node.insert`), so that logs have it."""
+
 
 class Node:
     """One robot."""
@@ -135,10 +138,8 @@ class Node:
         # Where frames take no time, it may have taken one that left in the very instant of its end.
         self.messenger.exchange.predecessor_ended = max(0, now if ended is None else ended + 1)
         self.machine.start(now)
-        life = shared_of(self.program).life
-        if life is not None:
-            self.machine.insert(now, life, (self.config.epoch,), GivenCause("robot"))
-            self._restarted(now)
+        self._state_life(now)
+        self._restarted(now)
         self._state_roster(now)
         for name, owner, args in self.config.facts:
             if owner is None or owner == self.robot:
@@ -154,6 +155,11 @@ class Node:
         if self.senses.used("robots"):
             self.senses.replace(now, "robots", [(len({*self.config.roster, self.robot}),)])
 
+    def _state_life(self, now: Instant) -> None:
+        life = shared_of(self.program).life
+        if life is not None:
+            self.machine.insert(now, life, (self.config.epoch,), GivenCause("robot"))
+
     def _restarted(self, now: Instant) -> None:
         """After a restart tell the program of each other robot: what they asked of an earlier life is forgotten."""
         predicate = shared_of(self.program).restarted
@@ -164,9 +170,23 @@ class Node:
                 self.machine.insert(now, predicate, (Robot(other),), GivenCause("robot"))
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
-        """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
-        self.services.insert(now, name, args)
+        """Insert a fact of this robot from outside. Raises ValueError when the program does not know it.
+
+        With the name `OFFERS_HELD` it is an order: true, to offer nothing more by ensemble rules; false, to go on.
+        """
+        if name == OFFERS_HELD:
+            self.messenger.hold_offers(now, bool(args[0]))
+        else:
+            self.services.insert(now, name, args)
         self.next_wake = min(self.next_wake, now)
+
+    def hold_offers(self, now: Instant, held: bool) -> bool:
+        """Offer nothing by ensemble rules while `held`: a change of programs is ahead. Return whether that is new."""
+        offers = self._started and shared_of(self.program).count is not None
+        news = offers and held != self.messenger.offers_are_held
+        if news:
+            self.insert(now, OFFERS_HELD, (held,))
+        return news
 
     def miss(self, now: Instant, others: Sequence[int]) -> None:
         """Note, before the start, robots that `Ports.neighbors` would offer if they lived."""
@@ -188,6 +208,8 @@ class Node:
         self._started = True
         self.next_wake = now
         changed = take_over(now, before, self._parts(), digest)
+        self._state_life(now)
+        self._restarted(now)
         self._state_roster(now)
         self._presence.start(now)
         return changed
@@ -260,6 +282,7 @@ class Node:
             ("a satisfied rule", not machine.quiescent),
             ("facts set aside", bool(machine.program.ensemble) and bool(machine.set_aside())),
             ("a delivery that has arrived", self.messenger.waiting),
+            ("an offer of an earlier program", any(each.open for each in self.messenger.earlier.values())),
             ("a fact under way", not self.messenger.exchange.idle),
             ("a shared fact to be told", self.messenger.shared.outstanding),
             ("an action", not self.actions.idle),

@@ -50,6 +50,9 @@ class PayloadKind(IntEnum):
     SHARED = 0x16
     """digest 2, epoch 1, number 2, for how long it holds 1 (0.5 s), then for each predicate: index 2, facts 1, values.
     The facts of these predicates that the sender holds, all of them (`rmr.node.logic.shared_facts`)."""
+    FACT_UNKNOWN = 0x17
+    """address 2, digest 2, life 4: a robot that was loaded with a program answers what is addressed to robots of
+    another one, which it has not run in this life: to whom, its own program, its life."""
     HELLO = 0x20
     """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2,
     up to 6 octets: whom the sender hears (`rmr.node.peers.link_sensing`)."""
@@ -133,6 +136,7 @@ _ACK: Final = struct.Struct(">BBHH")
 ACK_BEFORE_BITS: Final = 16
 """Numbers before the acknowledged one of which an acknowledgement tells: more than are under way to one robot."""
 _LIFE: Final = struct.Struct(">BBQ")
+_UNKNOWN: Final = struct.Struct(">BHHI")
 _FRAGMENT: Final = struct.Struct(">BHBHBB")
 _FAILURE: Final = struct.Struct(">BHB")
 FACT_BODY_OCTETS_MAX: Final = PAYLOAD_OCTETS_MAX - _FACT.size
@@ -288,6 +292,20 @@ def decode_life(payload: bytes) -> tuple[int, Instant]:
     return life, ended
 
 
+def encode_unknown(to: int, digest: int, life: int) -> bytes:
+    """Return the payload by which a robot of another program answers what is for the `address`."""
+    return _UNKNOWN.pack(PayloadKind.FACT_UNKNOWN, to, digest & 0xFFFF, life)
+
+
+def decode_unknown(payload: bytes) -> tuple[int, int, int]:
+    """Return (address, digest, life). Raises WireError."""
+    try:
+        _, to, digest, life = _UNKNOWN.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"unknown program: {error}") from error
+    return to, digest, life
+
+
 def encode_failure(digest: int, assertion: int | None) -> bytes:
     """Return the payload of a failure broadcast; `assertion` None, or beyond an octet: no deadline in particular."""
     known = assertion is not None and assertion < _NO_ASSERTION
@@ -399,6 +417,11 @@ def encode_delivery(delivery: Delivery, symbols: Mapping[str, int]) -> bytes:
 def role_of(body: bytes) -> int:
     """Return the role of the delivery in `body`, a `DeliveryRole` if a robot of this program has sent it."""
     return body[0] >> 4 if body else 0
+
+
+def fact_of(body: bytes) -> int:
+    """Return the predicate if the delivery in `body` is a fact, else -1."""
+    return int.from_bytes(body[1:3], "big") if len(body) >= 4 and body[0] >> 4 == DeliveryRole.FACT else -1
 
 
 def _length(value: int) -> bytes:

@@ -6,6 +6,7 @@ their predecessors what means the same under both programs (`rmr.bytecode.progra
     kept       where the robot is, its place, the positions of the others, facts from its senses, the report's counters
     carried    facts, goals, jobs and watches, actions under way with their chains, deliveries under way and held back
     ended      what of those the new program has not, and what belongs to a schedule: groups, slots, crossings
+    settled    offers of ensemble rules, by the rules of the old program (`rmr.node.logic.earlier_program`)
     forgotten  deadlines inherited from deliveries that have arrived, candidate matches, waits of coordination
 
 docs/load.md has the whole list. An action that is carried begins again: its handler is broken off and called anew.
@@ -14,6 +15,7 @@ docs/load.md has the whole list. An action that is carried begins again: its han
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program_pair import ProgramPair
 from rmr.node import payloads
@@ -22,10 +24,11 @@ from rmr.node.actions.dispatcher import NEW_PROGRAM, Dispatcher
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.executive import Executive
 from rmr.node.logic.deliveries import ABOUT_JOBS, Deliveries
+from rmr.node.logic.earlier_program import EarlierProgram, settled_predicates
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.logic.symbol_numbers import symbols_of
 from rmr.node.messenger import Messenger, Transmitter
-from rmr.node.payloads import Delivery, WireError
+from rmr.node.payloads import Delivery, DeliveryRole, WireError
 from rmr.node.robot_state import RobotState
 from rmr.node.services import RobotServices
 from rmr.vm.carrying import Carried, carry_over
@@ -39,6 +42,8 @@ class ProgramChanged:
     """Of the new program, 32 bits."""
     carried: Carried
     deliveries_ended: list[str] = field(default_factory=list)
+    in_doubt: list[str] = field(default_factory=list)
+    """Facts that are set aside for an offer, until it is settled by the rules of the old program."""
 
     def ended(self) -> list[str]:
         """Return what has ended, in words."""
@@ -71,6 +76,13 @@ class NodeParts:
 def take_over(now: Instant, old: NodeParts, new: NodeParts, digest: int) -> ProgramChanged:
     """Let the parts `new`, which have not been started, go on with what those of another program have left."""
     pair = ProgramPair(old.state.program, new.state.program)
+    earlier = old.messenger.earlier
+    settled = settled_predicates(old.state.program)
+    if settled:
+        state = old.state
+        choices = Choices(f"{state.config.seed}/robot{state.robot}/vm")
+        earlier[state.digest] = EarlierProgram(now, state.machine, state.digest, choices)
+        earlier[state.digest].machine.count += old.messenger.offers_held
     new.state.now = now
     new.radio.follow(old.radio)
     new.executive.follow(old.executive)
@@ -79,14 +91,25 @@ def take_over(now: Instant, old: NodeParts, new: NodeParts, digest: int) -> Prog
     new.messenger.malformed = old.messenger.malformed
     new.messenger.shared.follow(old.messenger.shared)
     deliveries = new.messenger.deliveries
-    ended = change_deliveries(now, old.messenger.deliveries, deliveries, pair, digest)
+    ended = change_deliveries(now, old.messenger.deliveries, deliveries, pair, digest, settled)
     new.messenger.exchange = deliveries.exchange
     deliveries.exchange.tell = new.state.tell
     carried = carry_over(now, old.state.machine, new.state.machine, pair)
+    again = earlier.pop(new.state.digest, None)
+    if again is not None and again.program.predicates == new.state.program.predicates:  # not by chance 16 bits alone
+        again.machine.hand_over(now, new.state.machine)
+    new.messenger.earlier = earlier
+    # By the newest sixteen of those without an offer in doubt the robot still answers others that have not switched.
+    for idle in [each.digest for each in earlier.values() if not each.open][:-16]:
+        del earlier[idle], new.messenger.exchange.earlier[idle]
+    for each in earlier.values():
+        each.machine.serve(new.state.machine, each.program)
+        each.run(now, new.messenger.exchange)
     new.state.senses.take_over(now, old.state.senses)
     for job in carried.jobs:
         new.crossings.started(now, job)
-    changed = ProgramChanged(digest, carried, ended)
+    in_doubt = [text for each in earlier.values() for text in each.machine.set_aside()]
+    changed = ProgramChanged(digest, carried, ended, in_doubt)
     new.state.trace(now, "program", digest=f"{digest:08x}", facts=carried.facts, ended=changed.ended())
     new.state.tell(changed)
     new.runner.settle(now)
@@ -123,12 +146,23 @@ def renewal(
     return renewed
 
 
-def change_deliveries(now: int, old: Deliveries, new: Deliveries, pair: ProgramPair, digest: int) -> list[str]:
-    """Let `new` go on with the exchange of `old`; return the deliveries that ended, in program syntax."""
+def change_deliveries(
+    now: int, old: Deliveries, new: Deliveries, pair: ProgramPair, digest: int, settled: frozenset[int]
+) -> list[str]:
+    """Let `new` go on with the exchange of `old`; return the deliveries that ended, in program syntax.
+
+    The facts of the predicates `settled` stay deliveries of the old program.
+    """
     ended: list[str] = []
     names = symbols_of(pair.old).names
-    under_way = renewal(pair, lambda delivery: ended.append(old.text(delivery)))
-    held = renewal(pair, lambda delivery: ended.append(old.text(delivery)))
+    hidden = frozenset([each.predicate for each in pair.old.ensemble])
+
+    def end(delivery: Delivery) -> None:
+        if delivery.role is not DeliveryRole.FACT or delivery.index not in hidden:  # what was told is told anew
+            ended.append(old.text(delivery))
+
+    under_way = renewal(pair, end)
+    held = renewal(pair, end)
 
     def body_of(body: bytes) -> bytes:
         try:
@@ -138,5 +172,5 @@ def change_deliveries(now: int, old: Deliveries, new: Deliveries, pair: ProgramP
         return b"" if found is None else found[1]
 
     new.take_over(old)
-    new.exchange.change_program(now, digest, under_way, body_of)
+    new.exchange.change_program(now, digest, under_way, body_of, settled)
     return ended

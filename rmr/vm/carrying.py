@@ -2,26 +2,35 @@
 
 Carried are, by `ProgramPair`, the facts and open goals of predicates that both programs have, the jobs and watches of
 time assertions that both have, and the actions under way that both declare, with the chains of steps behind them.
-All else ends and is listed. An action under way keeps its serial, by which other robots know it, and is derived anew:
-the host begins it again. What both programs state is not stated again, for it was inserted or opened by the old
-program and may be consumed since; what only the new one states is inserted and opened last.
+All else ends and is listed. Facts that are set aside for an offer count as facts; `EarlierMachine` gives them back. An
+action under way keeps its serial, by which other robots know it, and is derived anew: the host begins it again. What
+both programs state is not stated again, for it was inserted or opened by the old program and may be consumed since;
+what only the new one states is inserted and opened last.
 
 Sensed facts that the host provides are not carried: the host states them to the new machine.
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rmr.base.identity import ByIdentity
+from rmr.base.streams import Choices
 from rmr.base.time import Instant
-from rmr.base.values import format_fact
+from rmr.base.values import Robot, format_fact
+from rmr.bytecode.heads import items
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Duty, Kind, Program
 from rmr.bytecode.program_pair import ProgramPair
 from rmr.vm.assertions import goal_text
 from rmr.vm.derive import Chain
+from rmr.vm.interpreted import Interpreted
+from rmr.vm.interpreter import mentioned
 from rmr.vm.job import TimedJob
 from rmr.vm.machine import Machine
+from rmr.vm.shared import shared_of
+from rmr.vm.store import Args
 
 
 @dataclass(slots=True)
@@ -75,10 +84,11 @@ def carry_over(now: Instant, old: Machine, new: Machine, pair: ProgramPair) -> C
 
 def _facts(now: Instant, old: Machine, new: Machine, pair: ProgramPair, carried: Carried) -> None:
     of_goals = old._shared.withdrawals
-    # What neighbours have told is stated anew, as all that is sensed, and under the numbers of the new program.
-    heard = [each.predicate for each in old.program.ensemble if each.duty is Duty.HEARD]
+    # What neighbours have told is stated anew, as all that is sensed, and under the numbers of the new program. What is
+    # known of offers is left to `EarlierMachine`.
+    hidden = old._shared.hidden
     for index, predicate in enumerate(old.program.predicates):
-        if predicate.kind is Kind.ACTION or predicate.provided or index in of_goals or index in heard:
+        if predicate.kind is Kind.ACTION or predicate.provided or index in of_goals or index in hidden:
             continue
         target = pair.predicates[index]
         for args in list(old.each(index)):
@@ -88,6 +98,25 @@ def _facts(now: Instant, old: Machine, new: Machine, pair: ProgramPair, carried:
             else:
                 mark = "!" if predicate.kind is Kind.PERSISTENT else ""
                 carried.facts_ended.append(format_fact(predicate.name, (old.robot, *args), mark))
+    kept, ended = _aside(old, pair)
+    carried.facts += kept
+    carried.facts_ended += ended
+
+
+def _aside(machine: Machine, pair: ProgramPair) -> tuple[int, list[str]]:
+    """Return how many facts that are set aside the new program has, and those that it has not."""
+    kept = 0
+    ended = []
+    for index, hidden in machine._shared.hidden.items():
+        if hidden.duty is not Duty.ASIDE or hidden.other is None:
+            continue
+        facts = list(machine.each(index))
+        if pair.predicates[hidden.other] is not None:
+            kept += len(facts)
+            continue
+        name = machine.program.predicates[hidden.other].name
+        ended += [format_fact(name, (machine.robot, *args[1:])) for args in facts]
+    return kept, ended
 
 
 def _goals(now: Instant, old: Machine, new: Machine, pair: ProgramPair, carried: Carried) -> None:
@@ -182,10 +211,10 @@ def _stated_goals(program: Program, robot: int) -> list[tuple[int, Any]]:
 def preview(machine: Machine, program: Program) -> tuple[int, list[str]]:
     """Return how many facts a change to `program` would carry over now, and those that it would not."""
     pair = ProgramPair(machine.program, program)
-    kept = 0
-    ended = []
+    kept, ended = _aside(machine, pair)
+    passed = machine._shared.withdrawals.keys() | machine._shared.hidden.keys()
     for index, predicate in enumerate(machine.program.predicates):
-        if predicate.kind is Kind.ACTION or predicate.provided or index in machine._shared.withdrawals:
+        if predicate.kind is Kind.ACTION or predicate.provided or index in passed:
             continue
         facts = list(machine.each(index))
         if pair.predicates[index] is not None:
@@ -194,3 +223,107 @@ def preview(machine: Machine, program: Program) -> tuple[int, list[str]]:
         mark = "!" if predicate.kind is Kind.PERSISTENT else ""
         ended += [format_fact(predicate.name, (machine.robot, *args), mark) for args in facts]
     return kept, ended
+
+
+# ---- offers in doubt at the change
+#
+# What robots have offered each other is settled by the rules that the compiler has made for that, and these belong to
+# one program. So they go on beside the new program: with what was set aside, reserved, noted or decided, and without
+# any other fact. Without the fact that a draw takes its number from nothing new is offered, and without facts of the
+# program every question of another robot is refused. What comes back, and what a firing derives, is the new program's.
+
+
+class EarlierMachine(Interpreted):
+    """The rules by which the offers of an earlier program are settled."""
+
+    __slots__ = ("_now_runs", "_pair", "count")
+
+    def __init__(self, now: Instant, old: Machine, choices: Choices) -> None:
+        """Take over what `old` knows of offers."""
+        program = old.program
+        super().__init__(settling(program), old.robot, choices)
+        self._now_runs = old
+        self._pair = ProgramPair(program, program)
+        self.count: list[Args] = []
+        """The facts that the next offer would take its number from."""
+        for hidden in program.ensemble:
+            name = program.predicates[hidden.predicate].name
+            if hidden.predicate == self._shared.count:
+                self.count = list(old.each(hidden.predicate))
+            elif hidden.duty not in _RETOLD and not name.startswith("wished__"):
+                for args in list(old.each(hidden.predicate)):
+                    self._insert(now, hidden.predicate, args)
+
+    def serve(self, machine: Machine, program: Program) -> None:
+        """Give what comes of offers to `machine`; `program` is the earlier one, of which this has only some rules."""
+        self._now_runs = machine
+        self._pair = ProgramPair(program, machine.program)
+
+    def hand_over(self, now: Instant, machine: Machine) -> None:
+        """Give what is known of offers to a `machine` that runs the same program again."""
+        for hidden in self.program.ensemble:
+            if hidden.predicate == self._shared.count:
+                machine.take_out(now, hidden.predicate)
+                for args in self.count:
+                    machine._insert(now, hidden.predicate, args)
+            else:
+                for args in self.each(hidden.predicate):
+                    machine._insert(now, hidden.predicate, args)
+
+    @property
+    def open(self) -> bool:
+        """Whether an offer is not settled: something is set aside, reserved, or held back."""
+        return any(self._noted(("aside__", "out__", *_BY_NAME[:-1])))
+
+    @property
+    def concerned(self) -> list[Robot]:
+        """The robots that the robot has noted in offers."""
+        found = (each for args in self._noted(_BY_NAME) for each in args if isinstance(each, Robot))
+        return [each for each in dict.fromkeys(found) if each != self.robot]
+
+    def _noted(self, beginnings: tuple[str, ...]) -> Iterator[Args]:
+        for hidden in self.program.ensemble:
+            if self.program.predicates[hidden.predicate].name.startswith(beginnings):
+                yield from self.each(hidden.predicate)
+
+    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
+        back = self._shared.returns.get(predicate)
+        if back is None:
+            super()._insert(now, predicate, args)
+        elif (target := self._pair.predicates[back]) is not None:
+            self._now_runs.give_back(now, target, args)
+
+    def _follow(self, now: Instant, chain: Chain) -> None:
+        if chain[0].predicate in self._shared.hidden:
+            super()._follow(now, chain)
+        elif steps := _renumbered(chain, self._pair):
+            self._now_runs.derive(now, steps)
+
+
+_RETOLD = (Duty.VIEW, Duty.HEARD)
+"""Duties of what other robots have told, and tell anew."""
+_BY_NAME = ("note_", "booked__", "held__", "closing__", "telling__", "ask__", "query__", "did__")
+"""Beginnings of the names of what a robot notes of an offer and of the robots that take part in it; the last one is of
+what it remembers afterwards."""
+
+
+def _settling(program: Program) -> Program:
+    told = frozenset([each.predicate for each in program.ensemble if each.duty in _RETOLD])
+    hidden = frozenset([each.predicate for each in program.ensemble]) - told
+    rules = []
+    for rule in program.rules:
+        read = frozenset(mentioned(rule))
+        named = told & (read | {item.predicate for item in items(rule.head)})
+        if read & hidden and not named and shared_of(program).count not in read:
+            rules.append(rule)
+    return Program(
+        program.predicates,
+        rules=tuple(rules),
+        strategy=program.strategy,
+        functions=program.functions,
+        ensemble=program.ensemble,
+    )
+
+
+settling = ByIdentity(_settling)
+"""Returns a program with the rules that settle offers, and no others."""

@@ -67,6 +67,13 @@ class Interpreted(Machine):
         if fact is not None:
             self._remove(now, fact)
 
+    def take_out(self, now: Instant, predicate: int) -> list[Args]:
+        """Remove the facts of a temporary predicate and return their arguments, the oldest first."""
+        facts = list(self._store.tables[predicate].facts.values())
+        for fact in facts:
+            self._remove(now, fact)
+        return [fact.args for fact in facts]
+
     def _fire(self, now: Instant) -> None:
         interpreter = self._interpreter
         interpreter.resume()

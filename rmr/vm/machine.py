@@ -58,7 +58,18 @@ _ACTION = DerivedKind.ACTION  # looking up a member of an enumeration takes long
 class Machine(Parts):
     """Runs one program for one robot."""
 
-    __slots__ = ("_bests", "_budget", "_choices", "_now", "_purpose", "_seed", "_trace", "_urgency", "firings")
+    __slots__ = (
+        "_bests",
+        "_budget",
+        "_choices",
+        "_now",
+        "_purpose",
+        "_returning",
+        "_seed",
+        "_trace",
+        "_urgency",
+        "firings",
+    )
 
     def __init__(
         self,
@@ -79,6 +90,8 @@ class Machine(Parts):
         """The best fact of those that agree before the argument that decides, by predicate and what they agree in."""
         self._purpose: Purpose = ()
         """The open goals that the present firing serves; what it derives serves them, too."""
+        self._returning = False
+        """Whether the fact that is inserted has held before: it comes back to the rules alone."""
         by_deadline = program.strategy is Strategy.DEADLINE and bool(program.assertions)
         self._urgency = Urgency(program, self.robot) if by_deadline else None
         """Of firings; None if jobs have no influence on their order."""
@@ -97,6 +110,10 @@ class Machine(Parts):
     @abstractmethod
     def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
         """Remove the sensed fact if it holds."""
+
+    @abstractmethod
+    def take_out(self, now: Instant, predicate: int) -> list[Args]:
+        """Remove the facts of a temporary predicate and return their arguments, the oldest first."""
 
     @abstractmethod
     def _fire(self, now: Instant) -> None:
@@ -129,6 +146,13 @@ class Machine(Parts):
         self._arrive(now, cause)
         self._insert(now, predicate, self._shared.gate.fact(predicate, args))
 
+    def give_back(self, now: Instant, predicate: int, args: Args) -> None:
+        """Insert a fact that was set aside: it achieves no goal, ends no job and starts none."""
+        self._arrive(now, OUTSIDE)
+        self._returning = True
+        self._insert(now, predicate, args)
+        self._returning = False
+
     def want(self, now: Instant, predicate: int, args: tuple[Value | Pattern, ...], cause: Cause = OUTSIDE) -> None:
         """Open a goal from outside; ANY among `args` matches anything.
 
@@ -146,6 +170,11 @@ class Machine(Parts):
         """
         self._arrive(now, cause)
         self._withdraw(now, predicate, self._shared.gate.sensed(predicate, args))
+
+    def derive(self, now: Instant, chain: Chain) -> None:
+        """Derive what a firing has derived by which an offer of an earlier program was settled."""
+        self._arrive(now, OUTSIDE)
+        self._follow(now, chain)
 
     def derive_action(
         self,
@@ -403,9 +432,9 @@ class Machine(Parts):
     def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
         """Apply the consequences of an insertion: discharge goals, then end jobs, then start jobs."""
         goals = self._any_goals
-        if predicate in self._shared.returns:
+        if self._returning or predicate in self._shared.returns:
             # The fact was inserted before, with its consequences; it comes back to the rules alone.
-            back = self._shared.returns[predicate]
+            back = predicate if self._returning else self._shared.returns[predicate]
             if goals is not None and goals.open and back is not None:
                 goals.fact_changed(back, args, holds=True)
             return

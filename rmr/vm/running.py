@@ -217,6 +217,14 @@ class Running(Machine):
         if fact is not None:
             self.module.remove[predicate](self, now, fact)
 
+    def take_out(self, now: Instant, predicate: int) -> list[Args]:
+        """Remove the facts of a temporary predicate and return their arguments, the oldest first."""
+        table = self.module.tables[predicate]
+        facts = self.queued(predicate) if table.queued else list(self._table(predicate).values())
+        for fact in facts:
+            self.module.remove[predicate](self, now, fact)
+        return [tuple(fact[ARGS : ARGS + table.arity]) for fact in facts]
+
     # Called by generated code
 
     def is_full(self, now: Instant) -> bool:

@@ -59,6 +59,7 @@ class Shared:
         "_program",
         "_stated",
         "best",
+        "count",
         "gate",
         "goal_tables",
         "hidden",
@@ -79,6 +80,8 @@ class Shared:
         self.hidden = {each.predicate: each for each in program.ensemble}
         """By predicate: what the compiler has made for rules over several robots."""
         self.life = next((each.predicate for each in program.ensemble if each.duty is Duty.LIFE), None)
+        self.count = next((i for i in self.hidden if program.predicates[i].name.startswith("count__")), None)
+        """The predicate whose fact each offer of an ensemble rule takes, with its number; None: nothing is offered."""
         self.restarted = next((each.predicate for each in program.ensemble if each.duty is Duty.RESTARTED), None)
         self.returns = {each.predicate: each.other for each in program.ensemble if each.duty is Duty.RETURN}
         """By predicate whose insertions return a fact that was set aside: the predicate of that fact."""

@@ -1,6 +1,7 @@
 """`rmr load` upon a real world and real robots."""
 
 import json
+import re
 
 import pytest
 from command_runner import invoke
@@ -16,10 +17,30 @@ type note(robot, int).
 note(R, {number}).
 """
 
+KEEP = """
+type !due(robot, float).
+type action wait(R: robot, T: float) -o rested(R).
+type !link(robot, robot).
+type !got(robot, int, int).
+type !gave(robot, int, int).
+type step(robot, int).
+type resting(robot, int).
+type rested(robot).
+type free(robot, int).
+!link(@1, @2).
+step(@1, 0).
+rested(A), resting(A, N) -o step(A, N + 1).
+"""
+KEEP += "".join(f"free(@2, {number}).\n" for number in range(60))
+PAIRS = KEEP + "step(A, N), free(B, Y), link(A, B) -o got(A, N, Y), gave(B, N, Y), resting(A, N), wait(A, 0.05).\n"
+
 
 @pytest.fixture
 def stage(tmp_path):
     stage = Stage(tmp_path)
+    for name, text in (("pairs", PAIRS), ("keep", KEEP), ("again", PAIRS + "type !other(robot).\n")):
+        program = compile_source(text).program
+        (tmp_path / f"{name}.rbc").write_bytes(codec.encode(program, debug=False))
     for number in (1, 2, 3):
         program = compile_source(NEW.format(number=number)).program
         (tmp_path / f"new{number}.rbc").write_bytes(codec.encode(program, debug=False))
@@ -98,6 +119,29 @@ def test_a_robot_without_a_program_waits_for_one_and_begins_with_the_facts_of_th
     code, said, _ = load(stage, stage.folder / "new1.rbc")
     assert code == 0, said
     facts_are(stage, robot1=["!due(@1, 25.0)", "note(@1, 1)"], robot2=["note(@2, 1)"])
+
+
+@pytest.mark.slow
+def test_programs_with_rules_over_several_robots_follow_each_other_and_no_fact_is_used_twice_or_lost(stage):
+    stage.world()
+    robots = [stage.agent(1, program="pairs.rbc"), stage.agent(2, program="pairs.rbc")]
+
+    def pairs(newest, robot, name):
+        facts = " ".join(newest[robot].report.get("facts", ()))
+        return sorted((int(n), int(y)) for n, y in re.findall(rf"{name}\(@{robot}, (\d+), (\d+)\)", facts))
+
+    for name, least in (("again", 5), ("keep", 12), ("pairs", 12)):
+        stage.statuses(lambda newest, least=least: {1, 2} <= newest.keys() and len(pairs(newest, 1, "got")) >= least)
+        code, said, wrong = load(stage, stage.folder / f"{name}.rbc", "--json")
+        assert (code, json.loads(said)["switched"]) == (0, True), said + wrong
+    for robot in robots:
+        robot.wait_for("runs program", times=3)
+    newest = stage.statuses(lambda newest: {1, 2} <= newest.keys() and len(pairs(newest, 2, "gave")) == 60)
+    newest = stage.statuses(lambda newest: {1, 2} <= newest.keys() and len(pairs(newest, 1, "got")) == 60)
+    got = pairs(newest, 1, "got")
+    assert got == pairs(newest, 2, "gave")
+    assert [n for n, _ in got] == list(range(60))
+    assert sorted(y for _, y in got) == list(range(60))
 
 
 def test_wrong_usage_is_told_before_a_robot_hears_of_it(stage):

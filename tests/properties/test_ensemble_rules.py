@@ -1,7 +1,7 @@
 """Ensemble rules: no fact used twice and no firing half, whatever the air loses and whoever crashes."""
 
 import pytest
-from ensemble_campaign import PROGRAMS, History
+from ensemble_campaign import PROGRAMS, History, LoadHistory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -36,3 +36,22 @@ def test_the_checker_sees_a_fact_that_is_used_twice_and_one_that_is_gone():
     assert any("was used 2 times" in each for each in history.problems())
     history.seen["got"].clear()
     assert any("has no part" in each for each in history.problems())
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from(list(Engine)))
+def test_across_switches_of_programs_no_fact_is_used_twice_and_no_firing_is_half(seed, engine):
+    assert LoadHistory(seed, engine=engine).run() == []
+
+
+@pytest.mark.parametrize("seed", [24, 10, 108, 53, 23, 264, 483, 928, 1198, 1452, 2079, 2667, 5157, 5547])
+def test_an_offer_in_doubt_at_a_switch_is_settled(seed):
+    """Each of them failed without a part of it: settling, the answer for a next life, the question, the way back."""
+    assert LoadHistory(seed).run() == []
+
+
+def test_both_engines_have_the_same_history_with_switches():
+    for seed in range(6):
+        one, other = (LoadHistory(seed, engine=engine) for engine in Engine)
+        assert one.run() == other.run() == []
+        assert (one.seen, one.frames) == (other.seen, other.frames)

@@ -1,6 +1,7 @@
 """Programs loaded while robots run: all switch at one instant or none does, and no shared fact is lost."""
 
 import json
+import re
 
 import pytest
 from unit.mind.mind_runs import MindRun
@@ -53,6 +54,24 @@ radio: {{loss: {loss}}}
 loads: [{{at: 1s, program: new.rmr{robots}}}]
 faults: {faults}
 """
+
+
+PAIRS = """
+type action wait(R: robot, T: float) -o rested(R).
+type idle(robot, int).
+type !paired(robot, int, int).
+type !lent(robot, int, int).
+type !next(robot, robot).
+type token(robot, int).
+type more(robot, int).
+type made(robot, int).
+type rested(robot).
+more(R, 0).
+more(R, N), N < 40 -o made(R, N), wait(R, 0.2).
+rested(R), made(R, N) -o idle(R, id(R) * 100 + N), more(R, N + 1).
+"""
+RULE = "idle(A, X), idle(B, Y), !next(A, B), X % 2 = Y % 2 -o paired(A, X, Y), lent(B, X, Y).\n"
+OTHER_RULE = "idle(A, X), idle(B, Y), !next(A, B) -o paired(A, X, Y), lent(B, X, Y).\n"
 
 
 class Stop(Event):
@@ -192,6 +211,17 @@ def test_a_replay_goes_over_the_switch(tmp_path):
         assert replay.node.machine.facts() == mind_run.simulation.robots[robot - 1].node.machine.facts()
 
 
+def test_a_replay_goes_over_a_switch_with_offers_under_way(tmp_path):
+    path = lab_in(tmp_path, new=PAIRS + OTHER_RULE, loss=0.2)
+    (tmp_path / "old.rmr").write_text("type other(robot).\n" + PAIRS + RULE)
+    mind_run = MindRun(path)
+    assert mind_run.simulation.switches
+    for robot in (1, 2):
+        replay = mind_run.replay(robot)
+        assert replay.difference is None
+        assert replay.node.machine.facts() == mind_run.simulation.robots[robot - 1].node.machine.facts()
+
+
 def test_a_replay_for_explanations_ends_at_the_switch(tmp_path):
     mind_run = MindRun(lab_in(tmp_path))
     [instant] = {instant for _, instant, _, _ in mind_run.simulation.switches}
@@ -210,15 +240,40 @@ def test_a_load_of_an_unknown_robot_or_file_is_an_error_of_the_lab_file(tmp_path
     assert "there is no file" in str(caught.value)
 
 
-def test_programs_with_rules_over_several_robots_are_refused(tmp_path):
-    pairs = (
-        NEW + "type idle(robot). type paired(robot, robot). idle(R). idle(A), idle(B), !next(A, B) -o paired(A, B).\n"
-    )
-    simulation, report = run(lab_in(tmp_path, new=pairs))
+@pytest.mark.parametrize(("old", "new"), [(RULE, ""), ("", RULE), (RULE, OTHER_RULE)])
+@pytest.mark.parametrize("crash", [False, True])
+def test_across_a_switch_no_fact_of_a_rule_over_several_robots_is_used_twice_or_lost(tmp_path, old, new, crash):
+    # The switch is some 5 s after the beginning of the load; robot 2 dies a second before it, and returns after it.
+    faults = "[{at: 5s, kill: 2}, {at: 9s, restart: 2}]" if crash else "[]"
+    path = lab_in(tmp_path, new=PAIRS + new, loss=0.3, faults=faults, duration="30s")
+    (tmp_path / "old.rmr").write_text("type other(robot).\n" + PAIRS + old)
+    simulation, report = run(path, 1)
     [entry] = report["loads"]
-    assert not entry["switched"]
-    assert "the new program has rules over several robots" in entry["robots"]["3"]["problem"]
-    assert simulation.switches == []
+    assert entry["switched"]
+    assert len(set(digests(simulation).values())) == 1
+    assert report["violations"] == []
+    held = {robot.robot: [fact for fact in robot.node.machine.facts() if robot.alive] for robot in simulation.robots}
+    firings = {
+        name: {
+            (robot, int(x), int(y))
+            for robot, facts in held.items()
+            for fact in facts
+            for x, y in re.findall(rf"{name}\(@\d, (\d+), (\d+)\)", fact)
+        }
+        for name in ("paired", "lent")
+    }
+    assert firings["paired"]
+    lost = {2} if crash else set()  # its second life makes its numbers again
+    used = [number for _, x, y in firings["paired"] for number in (x, y) if number // 100 not in lost]
+    assert len(set(used)) == len(used)
+    for name, other in (("paired", "lent"), ("lent", "paired")):
+        known = {(x, y) for _, x, y in firings[other]}
+        partners = {(x, y) for robot, x, y in firings[name] if (y if name == "paired" else x) // 100 not in lost}
+        assert partners <= known, "a firing is half"
+    for robot in {1, 2, 3, 4} - lost:
+        own = [int(x) for fact in held[robot] for x in re.findall(r"idle\(@\d, (\d+)\)", fact)]
+        own += [number for pair in {(x, y) for each in firings.values() for _, x, y in each} for number in pair]
+        assert sorted(number for number in own if number // 100 == robot) == [robot * 100 + n for n in range(40)]
 
 
 def test_a_program_that_reads_shared_facts_is_loaded_and_hears_of_them(tmp_path):

@@ -40,6 +40,9 @@ class LoadedRobot(Protocol):
     def change_program(self, now: Instant, program: Program, digest: int) -> None:
         """Let the node go on with another program."""
 
+    def hold_offers(self, now: Instant, *, held: bool) -> None:
+        """Let the node offer nothing by ensemble rules while `held`."""
+
     def begin(self, now: Instant) -> None:
         """Start the node."""
 
@@ -76,9 +79,8 @@ class RobotPrograms:
         return LoadEndpoint(loader, self._send)
 
     def _fit(self, octets: bytes, digest: int) -> Program:
-        node = self._robot.node
-        config = node.config
-        return fitting_program(octets, digest, config.arena, config.finish, self._handlers, node.program)
+        config = self._robot.node.config
+        return fitting_program(octets, digest, config.arena, config.finish, self._handlers)
 
     def _preview(self, program: Program) -> Preview:
         carried, ended = preview(self._robot.node.machine, program)
@@ -119,7 +121,9 @@ class RobotPrograms:
             return
         self.endpoint.wake(now)
         due = self.endpoint.switch(now)
-        if due is not None:
+        if due is None:
+            self._robot.hold_offers(now, held=self.endpoint.loader.due < NEVER)
+        else:
             self._robot.change_program(now, due.program, due.running.digest)
             self._switched(self._robot.robot, now, due.running)
         if self.awaited and self.endpoint.loader.settled:

@@ -290,6 +290,11 @@ class SimulatedRobot:
         """Whether its process runs: it is neither dead nor stopped."""
         return self.alive and self._host.now >= self._stalled_until
 
+    def hold_offers(self, now: Instant, *, held: bool) -> None:
+        """Let the node offer nothing by ensemble rules while `held`."""
+        if self.node.hold_offers(now, held) and self.served:
+            self.node_alarm.set(now)
+
     def change_program(self, now: Instant, program: Program, digest: int) -> None:
         """Let the node go on with another program."""
         self.node.change_program(now, program, digest)

@@ -48,7 +48,7 @@ from rmr.node import payloads
 from rmr.node.actions.action_log import ActionEnded
 from rmr.node.logic.inbound import UNORDERED, Arrival, Inbound, ahead
 from rmr.node.logic.outbound import RETRY_FIRST, ROUTINE_WITHIN, Outgoing, Recipient
-from rmr.node.payloads import Delivery, WireError
+from rmr.node.payloads import Delivery, DeliveryRole, WireError
 from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
 
 RETRY_MAX: Final[Duration] = seconds(1)
@@ -102,6 +102,19 @@ class News(NamedTuple):
     epoch: int
     sequence: int
     delivery: Delivery
+    earlier: int | None = None
+    """Digest of the earlier program that it belongs to; None: the one that runs."""
+
+
+class ProgramUnknown(NamedTuple):
+    """Another robot has said that it has not run an earlier program in its life."""
+
+    robot: int
+    life: int
+    digest: int
+    """Of the earlier program."""
+    deliveries: list[Delivery]
+    """What was under way to it."""
 
 
 class Stage(Enum):
@@ -164,6 +177,7 @@ class Exchange:
     def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = payloads.PAYLOAD_OCTETS_MAX) -> None:
         self._payload_max = payload_max
         self._digest = digest & 0xFFFF
+        self._life = epoch
         self._epoch = epoch & 0xFF
         self.predecessor_ended: Instant = 0
         """An instant at which this robot's life before this one had ended, told to those that mean that one."""
@@ -180,6 +194,13 @@ class Exchange:
         clears it."""
         self.news: list[News] = []
         """What became of deliveries since the last look; the owner clears it."""
+        self.earlier: dict[int, frozenset[int]] = {}
+        """By digest of 16 bits, programs that this robot has run before in this life, whose offers it still settles:
+        the predicates of their messages."""
+        self.loaded = False
+        """Whether the robot has changed its program in this life: then it answers what is for robots of others."""
+        self.unknown: list[ProgramUnknown] = []
+        """What others have said of earlier programs since the last look; the owner clears it."""
         self.arrivals: list[Arrival] = []
         """What may take effect, in order; the owner removes each as it does."""
         self.silent: dict[int, None] = {}
@@ -228,11 +249,13 @@ class Exchange:
         ordered: bool = True,
         lasting: bool = False,
         of: Sent | None = None,
+        earlier: int | None = None,
     ) -> Outgoing:
         """Begin to deliver; `due` is the deadline of what the delivery serves. Return what shows how long it waits.
 
         A `lasting` delivery, which is not ordered, is never given up: it is repeated until it is acknowledged. `of` is
-        passed on to `tell` alone.
+        passed on to `tell` alone. `earlier` is the digest of the earlier program that it belongs to, if it is not the
+        one that runs.
 
         Raises WireError when `body` is too large to travel, or too much waits already.
         """
@@ -243,9 +266,11 @@ class Exchange:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         queue = peer.ordered if ordered else peer.unordered
         sequence = queue.next_number if ordered else queue.next_number | UNORDERED
-        to = payloads.address(self._digest, peer.life)
+        digest = self._digest if earlier is None else earlier
+        to = payloads.address(digest, peer.life)
         frames = payloads.encode_fact_frames(to, self._epoch, sequence, body, self._payload_max)
-        outgoing = Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE, due, now, lasting=lasting)
+        expires = now + TIME_TO_LIVE
+        outgoing = Outgoing(delivery, destination, sequence, frames, expires, due, now, lasting=lasting, digest=digest)
         queue.push(outgoing)
         self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence, lasting, delivery, of))
         self._fill(now, destination, peer)
@@ -268,7 +293,9 @@ class Exchange:
             self._say_base(destination)
 
     def _tell(self, outcome: Outcome, outgoing: Outgoing) -> None:
-        self.news.append(News(outcome, outgoing.destination, self._epoch, outgoing.sequence, outgoing.delivery))
+        earlier = None if outgoing.digest == self._digest else outgoing.digest
+        destination, sequence = outgoing.destination, outgoing.sequence
+        self.news.append(News(outcome, destination, self._epoch, sequence, outgoing.delivery, earlier))
         self.tell(DeliveryProgress(STAGES[outcome], outgoing.destination, self._epoch, outgoing.sequence))
 
     def _transmit(self, now: Instant, peer: Recipient, outgoing: Outgoing) -> None:
@@ -386,7 +413,7 @@ class Exchange:
         if peer is None or life == peer.life:
             return
         peer.heard = now
-        for outgoing in peer.begin_life(life, ended, payloads.address(self._digest, life)):
+        for outgoing in peer.begin_life(life, ended):
             self._tell(Outcome.OUTLIVED, outgoing)
         if peer.ordered.base != peer.ordered.next_number:
             self._say_base(source)  # before the deliveries: what comes first
@@ -398,21 +425,40 @@ class Exchange:
         self._repeat_at = self.next_wake = now
         self._fill(now, source, peer)
 
-    def change_program(self, now: Instant, digest: int, renewed: Renewal, body_of: Callable[[bytes], bytes]) -> None:
+    def change_program(
+        self,
+        now: Instant,
+        digest: int,
+        renewed: Renewal,
+        body_of: Callable[[bytes], bytes],
+        settled: frozenset[int],
+    ) -> None:
         """Go on with another program: what is under way, waits or is held back keeps its number, encoded anew.
 
         `renewed` returns a delivery and its body for the new program; None: it ends. `body_of` does so for a body that
-        has come from another robot; an empty one takes no effect.
+        has come from another robot; an empty one takes no effect. The facts of the predicates `settled` stay as they
+        are: offers of the program that has run until now, to be settled by its rules.
         """
+        before = self._digest
         self._digest = digest & 0xFFFF
+        self.loaded = True
+        if settled:
+            self.earlier[before] = settled
+        self.earlier.pop(self._digest, None)
         self._partial.clear()  # their other parts come with the new program's digest
         for sender in self._senders.values():
             sender.held = {number: (since, body_of(body)) for number, (since, body) in sender.held.items()}
-        self.arrivals = [each._replace(body=body_of(each.body)) for each in self.arrivals]
+        self.arrivals = [self._taken_over(each, before, settled, body_of) for each in self.arrivals]
         for destination, peer in self._peers.items():
             gave_up = False
-            for outgoing in peer.under_way():
-                if not self._renew(outgoing, renewed(outgoing.delivery), peer.life):
+            for outgoing in (*peer.under_way(), *peer.unordered.parked.values()):
+                stays = outgoing.digest != before or (
+                    outgoing.delivery.role is DeliveryRole.FACT and outgoing.delivery.index in settled
+                )
+                if stays:
+                    if outgoing.sent != NEVER:
+                        outgoing.next_send = now
+                elif not self._renew(outgoing, renewed(outgoing.delivery), peer.life):
                     peer.remove(outgoing)
                     gave_up = True
                     self.tell(DeliveryProgress(Stage.GIVEN_UP, destination, self._epoch, outgoing.sequence))
@@ -420,6 +466,15 @@ class Exchange:
                     outgoing.next_send = now
             self._fill(now, destination, peer, gave_up)
         self._repeat_at = self.next_wake = now
+
+    def _taken_over(
+        self, arrival: Arrival, before: int, settled: frozenset[int], body_of: Callable[[bytes], bytes]
+    ) -> Arrival:
+        """Return what has arrived and waits as it is to take effect under the new program."""
+        whose = before if arrival.earlier is None else arrival.earlier
+        if arrival.earlier is not None or payloads.fact_of(arrival.body) in settled:
+            return arrival._replace(earlier=None if whose == self._digest else whose)
+        return arrival._replace(body=body_of(arrival.body))
 
     def _renew(self, outgoing: Outgoing, found: tuple[Delivery, bytes] | None, life: int) -> bool:
         if found is None:
@@ -430,6 +485,7 @@ class Exchange:
             frames = payloads.encode_fact_frames(to, self._epoch, sequence, found[1], self._payload_max)
             outgoing.delivery = found[0]
             outgoing.frames = frames
+            outgoing.digest = self._digest
             return True
         return False
 
@@ -438,7 +494,8 @@ class Exchange:
     def received(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle a fact frame; what takes effect is appended to `arrivals`. Raises WireError."""
         frame = payloads.decode_fact_frame(payload)
-        if not self._is_meant(now, frame.address, source):
+        earlier = self._earlier(frame)
+        if earlier is None and not self._is_meant(now, frame.address, source):
             return
         sender = self._sender(source, frame.epoch)
         if sender is None:
@@ -460,7 +517,7 @@ class Exchange:
         self.delivered += 1
         self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, sequence))
         self._acknowledge(sender, sequence)
-        self._hand_on(arrivals)
+        self._hand_on([each._replace(earlier=earlier) for each in arrivals] if earlier is not None else arrivals)
         self.held += not arrivals
         self._expect(now, sender)
 
@@ -474,20 +531,63 @@ class Exchange:
             self._hand_on(sender.begin_at(base))
             self._expect(now, sender)
 
+    def _earlier(self, frame: payloads.FactFrame) -> int | None:
+        """Return the digest of the earlier program whose offers a frame is about; None: it is about no such offer."""
+        for digest, settled in self.earlier.items():
+            if frame.address == payloads.address(digest, self._epoch):
+                return digest if frame.parts == 1 and payloads.fact_of(frame.piece) in settled else None
+        return None
+
+    def tells(self, robot: int, digest: int) -> bool:
+        """Return whether something of an earlier program is under way to a robot."""
+        peer = self._peers.get(robot)
+        return peer is not None and bool(peer.of_program(digest))
+
+    def unknown_told(self, now: Instant, payload: bytes, source: int) -> None:
+        """Handle the word of a robot of this program that it has not run an earlier one. Raises WireError.
+
+        For the earlier program that is as good as an acknowledgement: `unknown` says what the robot would answer to.
+        """
+        to, running, life = payloads.decode_unknown(payload)
+        peer = self._peers.get(source)
+        if peer is None or running != self._digest:
+            return
+        for digest in self.earlier:
+            if payloads.address(digest, peer.life) != to:
+                continue
+            gone = peer.of_program(digest)
+            for outgoing in gone:
+                peer.remove(outgoing)
+                delivery, sequence = outgoing.delivery, outgoing.sequence
+                self.news.append(News(Outcome.DELIVERED, source, self._epoch, sequence, delivery, digest))
+                self.tell(DeliveryProgress(Stage.GIVEN_UP, source, self._epoch, sequence))
+            if gone:
+                deliveries = [each.delivery for each in gone]
+                self.unknown.append(ProgramUnknown(source, life, digest, deliveries))
+                self._fill(now, source, peer)
+
     def _is_meant(self, now: Instant, to: int, source: int) -> bool:
         """Return whether a frame with the address `to` is for this life of this robot; answer what is for another."""
         if to == payloads.address(self._digest, self._epoch):
             return True
-        if (to ^ self._digest) & 0xFF:
+        if not any(not (to ^ digest) & 0xFF for digest in (self._digest, *self.earlier)):
             self.foreign += 1
+            if self.loaded:
+                self._greet(now, source, payloads.encode_unknown(to, self._digest, self._life))
+            return False
+        if any(to == payloads.address(digest, self._epoch) for digest in self.earlier):
+            self.foreign += 1  # no message of an offer: its sender repeats it when it has the same program
             return False
         self.late += 1
-        # Shortest time between two answers to a robot that means an earlier life: the frames of one burst get one
-        # answer.
+        self._greet(now, source, payloads.encode_life(self._epoch, self.predecessor_ended))
+        return False
+
+    def _greet(self, now: Instant, source: int, answer: bytes) -> None:
+        """Answer a robot that means another life or program."""
+        # Shortest time between two answers: the frames of one burst get one answer.
         if self._greeted[0] != source or now >= self._greeted[1] + milliseconds(50):
             self._greeted = source, now
-            self.outbox.append((payloads.encode_life(self._epoch, self.predecessor_ended), source, NEVER))
-        return False
+            self.outbox.append((answer, source, NEVER))
 
     def _hand_on(self, arrivals: list[Arrival]) -> None:
         """Take note that nothing earlier is missing before `arrivals`."""

@@ -45,6 +45,8 @@ class Arrival(NamedTuple):
     body: bytes
     held: bool
     """Whether it has been held back since it was accepted."""
+    earlier: int | None = None
+    """Digest of the earlier program that it belongs to; None: the one that runs."""
 
 
 @dataclass(slots=True)

@@ -48,9 +48,12 @@ class Outgoing:
     wait: Duration = RETRY_FIRST
     lasting: bool = False
     """It is never given up: it is repeated until it is acknowledged."""
+    digest: int = 0
+    """Of the program that it belongs to, 16 bits."""
 
-    def meant_for(self, to: int) -> None:
-        """Give all its frames another address (`payloads.address`)."""
+    def meant_for(self, life: int) -> None:
+        """Address all its frames to another life of its receiver."""
+        to = payloads.address(self.digest, life)
         self.frames = [payloads.addressed(frame, to) for frame in self.frames]
 
     def overtaken_by(self, other: "Outgoing") -> bool:
@@ -229,6 +232,10 @@ class Recipient:
         waiting = [*ordered.waiting, *unordered.waiting()]
         return [*ordered.in_flight.values(), *unordered.in_flight.values(), *waiting]
 
+    def of_program(self, digest: int) -> list[Outgoing]:
+        """Return all that is not acknowledged of a program."""
+        return [each for each in (*self.under_way(), *self.unordered.parked.values()) if each.digest == digest]
+
     def repeated(self) -> list[Outgoing]:
         """Return all that is repeated until it is acknowledged."""
         ordered, unordered = self.ordered, self.unordered
@@ -246,8 +253,8 @@ class Recipient:
                 arrived.append(outgoing)
         return arrived
 
-    def begin_life(self, life: int, ended: Instant, to: int) -> list[Outgoing]:
-        """Mean another life of the robot, with the address `to`; remove and return what an earlier one may have got.
+    def begin_life(self, life: int, ended: Instant) -> list[Outgoing]:
+        """Mean another life of the robot; remove and return what an earlier one may have got.
 
         That is what was first sent before the instant `ended`, when the earlier life had ended. The rest is sent to the
         new one.
@@ -258,13 +265,14 @@ class Recipient:
         for outgoing in lost:
             self.remove(outgoing)
         for outgoing in (*self.under_way(), *self.unordered.parked.values()):
-            outgoing.meant_for(to)
+            outgoing.meant_for(life)
         return lost
 
     def remove(self, outgoing: Outgoing) -> None:
         """Give up a delivery that is in flight or waits."""
         queue = self.queue(outgoing.sequence)
-        if queue.in_flight.pop(outgoing.sequence, None) is None:
+        known = queue.in_flight.pop(outgoing.sequence, None) or self.unordered.parked.pop(outgoing.sequence, None)
+        if known is None:
             queue.remove(outgoing)
 
     def queue(self, sequence: int) -> OrderedQueue | UnorderedQueue:

@@ -39,6 +39,9 @@ class Bare(Machine):
     def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
         return
 
+    def take_out(self, now: Instant, predicate: int) -> list[Args]:
+        return []
+
     def _fire(self, now: Instant) -> None:
         return
 
