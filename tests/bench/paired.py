@@ -2,7 +2,8 @@
 
 A machine that others use swings by half; what swings alike on both sides drops out of a ratio of runs that lie next to
 each other. Times are processor time of the process, garbage collection is on for all, as it is in a robot, and starts
-from a clean heap.
+from a clean heap. It leaves out what was there before the first round, as with every command (`rmr.entry.Loading`): the
+compiler and the rivals are no part of a run.
 """
 
 import gc
@@ -55,6 +56,7 @@ def contest(systems: Sequence[System], ending: Ending, rounds: int, runs: int) -
     laps: Laps = {system.name: [] for system in systems}
     for system in systems:
         _round(system, ending, 1)
+    gc.freeze()
     for turn in range(rounds):
         first = turn % len(systems)
         for system in [*systems[first:], *systems[:first]]:

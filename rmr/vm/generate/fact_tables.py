@@ -129,7 +129,7 @@ def write_probes(build: FormBuilder, tables: Sequence[FactTable]) -> None:
                 with build.when("x is None"):
                     matching = f"[f for f in {table.name}.values() if {key} == key]"
                     build(If(f"len({table.name}) < {FEW}", (Return(matching),)))
-                    build(AssignAll((f"vm.{name}", "x"), "{}"))
+                    build(AssignAll((f"vm.{name}", "x"), "defaultdict(list)" if table.lasting else "{}"))
                     with build.loop("f", f"{table.name}.values()"):
                         build(*_entry(table, positions, "f"))
                 build(Return(_bucket(table, "x", "key")))
@@ -148,9 +148,9 @@ def _entry(table: FactTable, positions: Positions, fact: str) -> Block:
     number, from which a fact can be removed at once. Facts that are never removed are kept in a list.
     """
     key = index_key(positions, [column(fact, position) for position in positions])
-    bucket = Assign("b", f"x.get(k := {key})")
     if table.lasting:
-        return bucket, If("b is None", (Assign("x[k]", f"[{fact}]"),), (Evaluate(f"b.append({fact})"),))
+        return (Evaluate(f"x[{key}].append({fact})"),)
+    bucket = Assign("b", f"x.get(k := {key})")
     two = f"{{{serial('b[0]')}: b[0], {serial(fact)}: {fact}}}"
     second = If("type(b) is tuple", (Assign("x[k]", two),), (Assign(f"b[{serial(fact)}]", fact),))
     return bucket, If("b is None", (Assign("x[k]", f"({fact},)"),), (second,))

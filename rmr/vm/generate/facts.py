@@ -85,13 +85,15 @@ class FactWriter:
             build(Assign(ME, "vm.robot"))
             if self.readers[predicate]:
                 build(Assign("vm.busy", "True"))
-            if table.linear and not table.long and not table.concerned:
+            if not table.long and not table.concerned and (table.linear or (table.lasting and table.returns is None)):
                 # Fast path: there is room for all of them, and no insertion has to be reported by itself.
                 with build.when(f"not vm.observed and vm.count + len(rows) <= {machine.FACTS_MAX}"):
-                    build(Update("vm.count", "+", "len(rows)"), Assign("s", "vm.newest"))
+                    build(Assign("s", "vm.newest"))
                     with build.loop(row, "rows"):
-                        self.add(predicate, args, "", next_serial=Update("s", "+", "1"))
-                    build(Assign("vm.newest", "s"), Return())
+                        if not table.linear:
+                            build(If(f"(key := {table.key(self._pool, args)}) in {table.name}", (Continue(),)))
+                        self.add(predicate, args, "key", next_serial=Update("s", "+", "1"))
+                    build(Update("vm.count", "+", "s - vm.newest"), Assign("vm.newest", "s"), Return())
             with build.loop(row, "rows"):
                 build(If(self._unwanted(predicate, args), (Continue(),)), Update("vm.count", "+", "1"))
                 self.add(predicate, args, "key")

@@ -326,7 +326,14 @@ class SearchWriter:
             build(If(usual, (Assign("q[0]", "h"),), (none,)), Assign(state.last_top, serial(fact)))
             mark = build.mark()
             is_open = [Assign(state.current_top, fact)] if len(self._places) > 1 else []
-            uses = self.below(Continue(), lambda: build(self._keep, *is_open, self._satisfied, Return()))
+            one: Block = (*is_open, self._satisfied, Return())
+            if not is_open or self._places[0] in plan.consumed:
+                uses = self.below(Continue(), lambda: build(self._keep, *one))
+            else:
+                # A top that stays is searched once, unless it has many matches: of these only the first is kept.
+                many = If(f"len(kept) > {AT_ONCE_MAX}", (Delete("kept[1:]"), *one))
+                uses = self.below(Continue(), lambda: build(self._keep, many))
+                build(If("kept", (Evaluate("kept.reverse()"), self._satisfied, Return())))
             build.insert(mark, uses)  # inside the loop: the first top that is tried may have made these indices
 
     def _join_new(self, place: int) -> None:

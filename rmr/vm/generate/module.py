@@ -9,6 +9,7 @@ is checked and inserted by one function for each predicate. Its in-line checks a
 types. All other arguments go to `rmr.vm.outside.Gate`, which converts or rejects them.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -109,7 +110,7 @@ class Module:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.pool = Pool()
-        self.pool.globals.update(NONE=(), follow=follow)
+        self.pool.globals.update(NONE=(), follow=follow, defaultdict=defaultdict)
         self.tables = tables_of(program)
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:

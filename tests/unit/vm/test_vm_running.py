@@ -72,3 +72,30 @@ def test_a_rule_that_fires_as_it_searches_ends_with_the_budget_and_where_others_
         if engine is Engine.GENERATED:
             assert "fire_all1" in machine.module.names
     assert told[0] == told[1]
+
+
+STAYING = """
+type base(robot, int). type item(robot, int, int). type used(robot, int). type more(robot, int). type !seen(robot, int).
+$base(R, A), item(R, A, B), B > A + 1 -o used(R, B).
+used(R, B), more(R, C) -o item(R, B % 3, C).
+$base(R, A), used(R, B), item(R, B % 2, C) -o seen(R, C).
+"""
+
+
+@pytest.mark.parametrize("many", [5, 33, 80])
+@pytest.mark.parametrize("budget", [1, 3, 500])
+def test_tops_that_stay_are_joined_with_all_that_comes_and_goes(many: int, budget: int) -> None:
+    program: Any = compile_source(STAYING).program
+    given = [("base", (each,)) for each in range(3)] + [("item", (each % 3, each)) for each in range(3 * many)]
+    told: list[list[VmEvent]] = []
+    for engine in Engine:
+        machine = new_machine(program, 1, Choices("any"), engine=engine, firing_budget=budget)
+        machine.start(0)
+        told.append([])
+        for number in range(2 * many):
+            for name, args in given if number == 0 else [("more", (number,)), ("item", (number % 3, number + 1))]:
+                machine.insert(number, program.index(name), args)
+            machine.run(number)
+            told[-1] += machine.drain()
+    assert len(told[0]) > many
+    assert told[0] == told[1]
