@@ -108,7 +108,7 @@ lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
 		--extra paper --constraint requirements.lock --output-file requirements-paper.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
-		--extra ros2 --extra mujoco --no-emit-package lark-parser --constraint requirements.lock \
+		--extra interfaces --extra ros2 --extra mujoco --no-emit-package lark-parser --constraint requirements.lock \
 		--output-file requirements-ros2.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
 		--extra site --constraint requirements.lock --output-file requirements-site.lock pyproject.toml

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
 from typing import Final
 
-from rmr.base.geometry import STILL, Twist
+from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.base.values import Value
 from rmr.bus import wire
@@ -153,6 +153,10 @@ class BusBody:
         """Command the wheels."""
         self.twist = twist
         self._publish(wire.Act(twist.v, twist.w, stamp))
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Let the body's own driver drive."""
+        self._publish(wire.Perform(serial, "navigate", () if target is None else tuple(target), stamp))
 
 
 class WorldActions:

@@ -76,6 +76,7 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int, phase
         epoch=epoch,
         predecessor_ended=known.predecessor_ended,
         phase=phase,
+        navigates=known.navigates,
     )
 
 

@@ -45,6 +45,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "plot": "rmr plot NAME",
     "ros2": "labs with bodies in ROS 2",
     "mujoco": "the robots of docs/examples/ros2",
+    "interfaces": "tests that speak to Nav2",
     "dev": "make test and make lint",
     "bench": "make bench: the rivals",
     "paper": "make paper",

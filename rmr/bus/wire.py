@@ -202,6 +202,8 @@ class Map(NamedTuple):
     """An instant at which the robot's process before this one had ended; None: it is not known, or there was none."""
     performs: tuple[str, ...] = ()
     """The actions that the world carries out for its robots."""
+    navigates: bool = False
+    """Whether this one's body has a driver of its own."""
 
 
 class Truth(NamedTuple):
@@ -450,6 +452,7 @@ _LAB: Final = (
     _HELD,
     optional(instant),
     each(name, FACTS_MAX),
+    flag,
 )
 _LAUNCHER: Final = (
     lab_name,

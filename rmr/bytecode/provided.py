@@ -108,6 +108,13 @@ ACTIONS: dict[str, ProvidedAction] = {
             doc="drives to the area: to its point, or to a spot in its box or among its slots that no other robot has",
         ),
         ProvidedAction(
+            "navigate",
+            (_AREA,),
+            "navigate",
+            effect="location",
+            doc="drives to the area as `moveto` does, by Nav2 where the robot's body has it",
+        ),
+        ProvidedAction(
             "lineup",
             (_AREA, _INT),
             "lineup",

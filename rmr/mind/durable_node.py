@@ -27,7 +27,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant, in_seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
@@ -372,9 +372,7 @@ class PortGate:
         """Return the new samples."""
         if not self.live:
             return self._feed.sense()
-        body = self.host.body
-        assert body is not None
-        return body.sense()
+        return [] if self.host.body is None else self.host.body.sense()
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Hold a wheel command; a later one of the same call takes its place."""
@@ -382,13 +380,16 @@ class PortGate:
             self.twist = twist
             self._stamp = stamp
 
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Let another one drive."""
+        if self.live and self.host.body is not None:
+            self.host.body.head(serial, target, stamp)
+
     def spent(self) -> Duration:
         """Return the processor time of the present call."""
         if not self.live:
             return self._feed.spent()
-        spent = self.host.spent
-        assert spent is not None
-        return spent()
+        return 0 if self.host.spent is None else self.host.spent()
 
     def neighbors(self) -> Sequence[tuple[int, float]]:
         """Return who is in range."""

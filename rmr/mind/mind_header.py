@@ -133,6 +133,7 @@ def _config(config: NodeConfig) -> dict[str, Any]:
         "turn": config.turn,
         "timing": None if config.timing == Timing() else _timing(config.timing),
         "without": sorted(config.without),
+        **({"navigates": True} if config.navigates else {}),
     }
 
 
@@ -156,6 +157,7 @@ def _as_config(data: Mapping[str, Any]) -> NodeConfig:
         engine=Engine(data["engine"]),
         turn=data["turn"],
         timing=Timing() if data["timing"] is None else _as_timing(data["timing"]),
+        navigates=data.get("navigates", False),  # as above
         without=frozenset(data["without"]),
     )
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from struct import Struct
 from typing import Any, Final
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
 from rmr.bytecode import codec
@@ -86,6 +86,10 @@ class RecordedBody:
         """Command the wheels."""
         self._log.act(twist, stamp)
         self._body.act(twist, stamp)
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Let another one drive; a replay decides the same."""
+        self._body.head(serial, target, stamp)
 
 
 class RecordedHost:

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.mind import mind_format as form
 from rmr.mind.mind_log import MindLog
@@ -95,6 +95,9 @@ class ReplayFeed:
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Do nothing: the log of the replay has it."""
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Do nothing: a drive of others is no part of a mind."""
 
     def spent(self) -> Duration:
         """Return more than a frame's time where that was used up, else 0."""

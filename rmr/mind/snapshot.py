@@ -22,7 +22,7 @@ from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.bytecode.program import Program
 from rmr.mind.durable_node import DurableNode
@@ -114,6 +114,9 @@ class _NoPort:
         return []
 
     def act(self, twist: Twist, stamp: Instant) -> None:
+        """Do nothing."""
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
         """Do nothing."""
 
     def spent(self) -> Duration:

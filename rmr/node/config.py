@@ -72,6 +72,8 @@ class NodeConfig:
     """Log of where facts and actions come from; with one the program is interpreted, whatever `engine` says."""
     shared_repeats: int | None = None
     """How often shared facts are told again after a change; None: for as long as they hold, as over a real radio."""
+    navigates: bool = False
+    """Whether its body has a driver of its own, which `navigate` lets drive."""
     without: frozenset[str] = frozenset()
     """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
     firings: dict[str, int] = field(default_factory=dict)

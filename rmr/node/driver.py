@@ -7,7 +7,7 @@ A body moves on while its samples wait for a processor. So the speed depends on 
 the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -15,7 +15,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.motion_scale import scale_of
-from rmr.base.time import Duration, Instant, milliseconds
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Symbol, Value
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.approach import Approach, is_divided, side_of
@@ -28,7 +28,7 @@ from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.payloads import Hello
 from rmr.node.peers.link_sensing import CUT_OFF_MAX
 from rmr.node.peers.perception import AT_LEAVE_M, Peers, Percept, extent, standing_at
-from rmr.node.ports import BodyPort, SeenBody
+from rmr.node.ports import NAVIGATED, BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
 """Greatest time between two wheel commands of a moving robot, two frames: the body brakes 0.1 s after the last one."""
@@ -39,6 +39,57 @@ SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
 """Rank of a robot that has none: it comes after all others."""
+
+
+class OwnDriver:
+    """The driver of the body itself, Nav2 for example: it is given places, and tells how each order ended."""
+
+    def __init__(self, body: BodyPort) -> None:
+        self._body = body
+        self.heading: tuple[int, Pose] | None = None
+        """Where it is to drive, and the number of this order; None: nowhere."""
+        self._said_at: Instant = 0
+        self._over = False
+        """Whether the order has ended."""
+        self.failure = ""
+        """Why it could not drive there; empty if it could."""
+        self.speed = 0.0
+        """How fast the wheels turn while it drives, m/s, from samples 0.1 s apart."""
+        self._rolled: tuple[Instant, float] = (0, 0.0)
+
+    def rolled(self, stamp: Instant, way_m: float) -> None:
+        """Take in how far the wheels have come."""
+        passed = stamp - self._rolled[0]
+        if passed >= STALE:
+            self.speed = (way_m - self._rolled[1]) / in_seconds(passed)
+            self._rolled = stamp, way_m
+
+    def reached(self, ends: Iterable[tuple[Value, ...]]) -> Pose | None:
+        """Take in how orders ended (number, why it failed); return where the newest one has led to, if it just did."""
+        if self.heading is None or self._over:
+            return None
+        serial, target = self.heading
+        why = [str(end[1]) for end in ends if end[0] == serial]
+        if why:
+            self._over = True
+            self.failure = why[-1]
+        return target if why and not self.failure else None
+
+    def head(self, now: Instant, target: Pose | None) -> None:
+        """Order it to drive to `target` (None: to stand) if that is news; else repeat the order twice a second."""
+        heading = self.heading
+        if target is None:
+            self.heading = None
+            if heading is not None and not self._over:
+                self._body.head(heading[0], None, now)
+            return
+        if heading is None or distance(target.x, target.y, heading[1].x, heading[1].y) > AT_LEAVE_M:
+            self.heading = heading = now, target
+            self._over = False
+        elif self._over or now - self._said_at < milliseconds(500):
+            return
+        self._said_at = now
+        self._body.head(heading[0], heading[1], now)
 
 
 class Driver:
@@ -67,6 +118,7 @@ class Driver:
         self._bumped = False
         self._told: list[tuple[tuple[str, tuple[Value, ...]], ...]] = []
         """Facts from outside that are to be stated."""
+        self.own = OwnDriver(body)
         self._areas = [(area, (Symbol(area.name),), extent(area)) for area in arena.areas]
         self._stated_pose: Pose | None = None
         self._stated_place: Point | None = None
@@ -100,6 +152,7 @@ class Driver:
         self._acted_at = other._acted_at
         self._sensed_at = other._sensed_at
         self._told = other._told
+        self.own = other.own
         self._set_out_at = other._set_out_at
         self.stays_until = other.stays_until
         self._began = other._began
@@ -115,8 +168,8 @@ class Driver:
 
     @property
     def speed(self) -> float:
-        """The commanded speed, m/s."""
-        return self._twist.v
+        """The commanded speed, m/s; by odometry where the body's own driver drives."""
+        return self._twist.v if self.own.heading is None else self.own.speed
 
     def driven(self, now: Instant) -> float:
         """Return how fast the wheels drive, m/s: a fast robot drives on for a while when it is to stand still."""
@@ -142,6 +195,7 @@ class Driver:
             self._bodies = samples[-1].bodies
             self._bumped = any(sample.bumped for sample in samples)
             self._sensed_at = samples[-1].stamp
+            self.own.rolled(self._sensed_at, 0.5 * (samples[-1].left_m + samples[-1].right_m))
         pose = self.localiser.pose
         navigator = self.navigator
         if self._began is None:
@@ -149,6 +203,7 @@ class Driver:
         if pose is None:
             if self.moving:
                 self._act(now, STILL)
+            self.own.head(now, None)
             return
         self._known = pose
         if self._located != self.localiser.located:
@@ -171,6 +226,23 @@ class Driver:
         twist = navigator.control.wheels.command(now, twist)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
+        self._navigate(now)
+
+    def _navigate(self, now: Instant) -> None:
+        """Tell the body's own driver where to drive, in pieces: to the hold line of a passage, then on."""
+        own = self.own
+        if not self.navigator.outside and own.heading is None:
+            return
+        reached = own.reached(args for told in self._told for name, args in told if name == NAVIGATED)
+        if reached is not None:
+            self.navigator.reached(reached)
+        if self.held_by != "unwatched":  # that driver has samples of its own
+            own.head(now, None if self.held_by == "promise" else self.navigator.heads_for())
+
+    def let_navigate(self) -> None:
+        """Let the body's own driver drive from here on, until the navigator is stopped."""
+        self.navigator.outside = True
+        self.own.failure = ""
 
     def _may_move(self, now: Instant) -> bool:
         """Return whether the robot has not promised to stay, and its newest sample still describes the situation."""

@@ -76,6 +76,13 @@ class ActionHost(DrivingHost, Protocol):
     def barred_by_lost(self, goal: Point) -> str:
         """Return which dead robots bar every way to `goal`, in words; empty if none do."""
 
+    def let_navigate(self) -> bool:
+        """Let the body's own driver drive until `halt`; return False if it has none."""
+
+    @property
+    def navigation_failure(self) -> str:
+        """Why the body's own driver has failed; empty if it has not."""
+
     def halt(self) -> None:
         """Stop the wheels."""
 

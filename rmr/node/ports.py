@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, final
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.base.values import Value
 from rmr.radio.air import Confirmed, Received
@@ -19,6 +19,9 @@ SAMPLES_MAX: Final = 240
 """Sensor samples that wait for a node, of whatever host, four seconds of a moving robot; the oldest are dropped."""
 FRAMES_MAX: Final = 512
 """Frames that wait for a node, and outcomes; the oldest are dropped."""
+NAVIGATED: Final = "navigated"
+"""The fact in a sample by which a driver outside of the mind tells how an order of `BodyPort.head` ended: its serial,
+and why it failed, an empty text if it did not."""
 
 
 @final
@@ -190,6 +193,13 @@ class BodyPort(Protocol):
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels. The body drops commands older than 100 ms and brakes 0.1 s after the last was decided."""
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Let a driver outside of the mind drive to `target` (None: no more); said again while it is on its way.
+
+        How it ended is told by a fact `NAVIGATED` in a sample. Only bodies that the configuration says to have such a
+        driver are asked.
+        """
 
 
 @dataclass(frozen=True, slots=True)

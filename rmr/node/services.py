@@ -196,6 +196,18 @@ class RobotServices:
         if self.driver is not None:
             self.driver.navigator.stop()
 
+    def let_navigate(self) -> bool:
+        """Let the body's own driver drive until `halt`; return False if it has none."""
+        if self.driver is None or not self.config.navigates:
+            return False
+        self.driver.let_navigate()
+        return True
+
+    @property
+    def navigation_failure(self) -> str:
+        """Why the body's own driver has failed; empty if it has not."""
+        return "" if self.driver is None else self.driver.own.failure
+
     def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:

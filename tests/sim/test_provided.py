@@ -288,3 +288,12 @@ def test_an_action_of_ros_2_ends_at_once_unless_a_file_has_a_handler_for_it(tmp_
     simulation = prepare(tmp_path, seed=1, actions=tmp_path / "actions.py" if stand_in else None)
     simulation.run()
     assert simulation.robots[0].node.machine.facts() == facts
+
+
+def test_a_body_without_nav2_navigates_as_it_moves(tmp_path):
+    program = "type action navigate(R: robot, A: area) -o there(R).\ngo(R).\ngo(R) -o navigate(R, spot).\n"
+    simulation = small_lab(tmp_path, program, finish="there(R)")
+    assert simulation.run()
+    pose = simulation.world.pose(1)
+    assert abs(pose.x - 1.0) < 0.03
+    assert abs(pose.y - 0.5) < 0.03

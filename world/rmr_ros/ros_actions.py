@@ -4,6 +4,8 @@ Types and fields are looked up before the lab begins, and so is who serves or li
 an error there. Later nothing stops a lab: what goes wrong fails the action, in a sentence. An action is known by its
 robot, the process that it is and the action's number; what is asked again is not done again. Nothing here imports
 rclpy; the node is handed in, and its thread only keeps the answers.
+
+Nav2 is another action of ROS 2: a robot whose mind lets it drive has a goal there (`Nav2Drives`).
 """
 
 import math
@@ -13,8 +15,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from rmr.base.time import Duration, Instant, in_seconds
+from rmr.base.geometry import Pose
+from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Symbol, Value, format_value
+from rmr.node.ports import NAVIGATED
+from rmr_ros.ros_body import onward
 from rmr_ros.ros_facts import TopicFactError, field_type, full_name, message_class
 
 Asked = tuple[int, int, int]
@@ -29,6 +34,11 @@ EXAMPLES: Final[Mapping[str, Value]] = {
     "robot": Robot(1),
 }
 """A value of each type of arguments; any field may suit an open one."""
+
+NAV2_TYPE: Final = "nav2_msgs/NavigateToPose"
+SUCCEEDED: Final = 4
+"""Ends of a goal, as action_msgs/GoalStatus numbers them; any other one means that it was given up."""
+CANCELED: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,3 +252,138 @@ def _failure(future: Any, call: ActionCall) -> str:
     if getattr(answer, "success", True) is not False:
         return ""
     return f"{call.end}: {getattr(answer, 'message', '') or 'it says no success'}"
+
+
+# ---- Nav2: robots that drive by a driver of their own
+
+
+@dataclass(slots=True, eq=False)
+class _Goal:
+    """What Nav2 has been given for one robot."""
+
+    asked: Asked
+    heard: Instant
+    """When its robot said so last."""
+    sent: Any
+    """The future of its handle."""
+    result: Any = None
+    """The future of its result, once it has been accepted."""
+    end: str | None = None
+    """Why it failed, an empty text if it did not; None before its end."""
+
+
+class Nav2Drives:
+    """The goals of robots that Nav2 drives. Raises TopicFactError if its types are not there.
+
+    A robot has one goal: a newer one takes its place, and the old one is cancelled once the new one is accepted. A goal
+    whose robot has not spoken of it for 1.5 s is cancelled, too: its mind is gone.
+    """
+
+    def __init__(self, drives: Mapping[int, tuple[str, Pose]], client: Callable[[Any, str], Any]) -> None:
+        """`drives` has the action's name from the root, and the floor's pose in the map, by robot."""
+        self._drives = drives
+        try:
+            self._kind = message_class(NAV2_TYPE, "action") if drives else None
+        except TopicFactError as error:
+            raise TopicFactError(f"bodies: {error}; source the set-up file of a ROS 2 that has Nav2") from None
+        self._ways = {robot: client(self._kind, name) for robot, (name, _) in drives.items()}
+        self._goals: dict[int, _Goal] = {}
+        self._left: list[_Goal] = []
+        """Goals to cancel."""
+        self._news: set[int] = set()
+        """Robots whose goals have ended since they were told last."""
+
+    def missing(self) -> Iterator[str]:
+        """Yield a sentence for each robot whose Nav2 is not there."""
+        for robot, way in self._ways.items():
+            if not way.server_is_ready():
+                where = f"{self._drives[robot][0]} ({full_name(NAV2_TYPE, 'action')})"
+                yield f"robot {robot}: nobody serves {where}: start its Nav2, or correct the name under bodies"
+
+    def drives(self, robot: int) -> bool:
+        """Return whether Nav2 drives `robot`."""
+        return robot in self._ways
+
+    def go(self, asked: Asked, target: Sequence[Value], clock: Instant) -> None:
+        """Let Nav2 drive to x, y and heading on the floor; without these it is to drive no more."""
+        robot = asked[0]
+        goal = self._goals.get(robot)
+        numbers = [float(each) for each in target if isinstance(each, int | float)]
+        if len(numbers) != 3:
+            if goal is not None and goal.asked == asked:
+                self._leave(robot)
+        elif goal is not None and goal.asked == asked:
+            goal.heard = clock
+        else:
+            self._leave(robot)
+            sent = self._ways[robot].send_goal_async(self._message(robot, Pose(*numbers)))
+            self._goals[robot] = _Goal(asked, clock, sent)
+
+    def _message(self, robot: int, target: Pose) -> Any:
+        assert self._kind is not None
+        at = onward(self._drives[robot][1], Pose(0.0, 0.0, 0.0), target)
+        goal = self._kind.Goal()
+        goal.pose.header.frame_id = "map"
+        pose = goal.pose.pose
+        pose.position.x = at.x
+        pose.position.y = at.y
+        pose.orientation.z = math.sin(at.theta / 2)
+        pose.orientation.w = math.cos(at.theta / 2)
+        return goal
+
+    def _leave(self, robot: int) -> None:
+        goal = self._goals.pop(robot, None)
+        if goal is not None and goal.end is None:
+            self._left.append(goal)
+
+    def step(self, clock: Instant) -> None:
+        """Take in what has become of the goals, and cancel those that are to be."""
+        for robot, goal in list(self._goals.items()):
+            if goal.end is None and clock - goal.heard > seconds(1.5):
+                self._leave(robot)
+            elif goal.end is None and (end := _goal_end(goal)) is not None:
+                goal.end = end
+                self._news.add(robot)
+        for goal in self._left.copy():
+            newer = self._goals.get(goal.asked[0])
+            if goal.sent.done() and (newer is None or newer.sent.done()):
+                self._left.remove(goal)
+                if (handle := goal.sent.result()) is not None and handle.accepted:
+                    handle.cancel_goal_async()
+
+    def is_news(self, robot: int) -> bool:
+        """Return whether the goal of `robot` has ended since this was asked last."""
+        found = robot in self._news
+        self._news.discard(robot)
+        return found
+
+    def told(self, robot: int) -> tuple[tuple[str, tuple[Value, ...]], ...]:
+        """Return the fact by which the mind of `robot` hears how its goal has ended, if it has."""
+        goal = self._goals.get(robot)
+        return () if goal is None or goal.end is None else ((NAVIGATED, (goal.asked[2], goal.end)),)
+
+    def close(self) -> None:
+        """Cancel all goals."""
+        for robot in list(self._goals):
+            self._leave(robot)
+        self.step(0)
+
+
+def _goal_end(goal: _Goal) -> str | None:
+    """Return why a goal has failed, an empty text if it has not, None while it is on its way."""
+    if not goal.sent.done():
+        return None
+    if goal.result is None:
+        handle = goal.sent.result()
+        if handle is None or not handle.accepted:
+            return "Nav2 refuses the goal"
+        goal.result = handle.get_result_async()
+    if not goal.result.done():
+        return None
+    answer = goal.result.result()
+    if answer.status == SUCCEEDED:
+        return ""
+    what = "somebody has cancelled the goal of Nav2" if answer.status == CANCELED else "Nav2 has given up"
+    code = getattr(answer.result, "error_code", 0)
+    why = getattr(answer.result, "error_msg", "") or (f"error {code}" if code else "")
+    return f"{what}: {why}" if why else what

@@ -60,6 +60,10 @@ class BodyTopics(Protocol):
         """Pose of the lidar on the robot."""
 
     @property
+    def navigate(self) -> str:
+        """The action of Nav2 by which it drives; empty: it has none."""
+
+    @property
     def sigma_m(self) -> float:
         """Standard deviation of a pose that has no covariance, metres ..."""
 

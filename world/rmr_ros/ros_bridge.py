@@ -21,6 +21,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistStamped
 from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -33,7 +34,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, Instant
 from rmr.base.values import Value
 from rmr.node.ports import SeenBody, Sensed
-from rmr_ros.ros_actions import ActionCall, Asked, RosActions
+from rmr_ros.ros_actions import ActionCall, Asked, Nav2Drives, RosActions
 from rmr_ros.ros_body import COMMAND_AGE_MAX, BodyTopics, RosBody, deviations, heading
 from rmr_ros.ros_facts import FactTopics, TopicFactError, TopicReading
 from rmr_ros.ros_view import RosView
@@ -112,6 +113,8 @@ class RosBridge:
         try:
             self._facts = FactTopics(self._node, readings, _quality)
             self._actions = RosActions(self._node, calls, _quality)
+            drives = {spec.robot: (spec.navigate, spec.origin) for spec in bodies if spec.navigate}
+            self._nav2 = Nav2Drives(drives, lambda kind, name: ActionClient(self._node, kind, name))
         except TopicFactError as error:
             raise BridgeError(str(error)) from None
         if readings:
@@ -162,6 +165,7 @@ class RosBridge:
                 found = [link.body.trouble or f"no pose has come on {link.spec.pose} that its odometry agrees with"]
             yield from (f"robot {robot}: {why}" for why in found)
         yield from self._actions.missing()
+        yield from self._nav2.missing()
 
     def _look(self, link: _Link) -> Iterator[str]:
         """Subscribe to the topics of a robot, and find out what it is driven by; yield what is wrong with them."""
@@ -239,6 +243,7 @@ class RosBridge:
             self._say(robot, link, clock)
         self._facts.step(clock)
         self._actions.step(clock)
+        self._nav2.step(clock)
 
     def _say(self, robot: int, link: _Link, clock: Instant) -> None:
         """Log what is wrong with a robot when that changes."""
@@ -256,7 +261,11 @@ class RosBridge:
 
     def told(self, robot: int) -> tuple[tuple[str, tuple[Value, ...]], ...] | None:
         """Return all facts of `robot` that hold by its topics; None if it knows them."""
-        return self._facts.told(robot, time.monotonic_ns())
+        clock = time.monotonic_ns()
+        if self._nav2.is_news(robot):
+            self._facts.touch(robot, clock)
+        facts = self._facts.told(robot, clock)
+        return None if facts is None else facts + self._nav2.told(robot)
 
     def body(self, robot: int) -> RosBody:
         """Return the body of `robot`."""
@@ -301,7 +310,9 @@ class RosBridge:
 
     def perform(self, asked: Asked, name: str | None, args: Sequence[Value]) -> None:
         """Begin an action that ROS 2 carries out; break it off if the name is None."""
-        if name is None:
+        if name == "navigate" and self._nav2.drives(asked[0]):
+            self._nav2.go(asked, args, time.monotonic_ns())
+        elif name is None:
             self._actions.cancel(asked)
         else:
             self._actions.perform(asked, name, args, time.monotonic_ns())
@@ -316,6 +327,7 @@ class RosBridge:
 
     def close(self) -> None:
         """Tell all robots zero, and leave."""
+        self._nav2.close()
         for _ in range(ZEROS if self._links else 0):
             with self._lock:
                 for link in self._links.values():

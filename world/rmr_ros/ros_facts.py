@@ -82,7 +82,7 @@ def taken(value: Any, kind: str) -> Value | None:
 def message_class(name: str, part: str = "msg") -> Any:
     """Return the class of messages called `package/Name`; `part` srv: of services. Raises TopicFactError."""
     package, *_, name = name.split("/")
-    what = "messages" if part == "msg" else "services"
+    what = {"msg": "messages", "srv": "services"}.get(part, "actions")
     try:
         module = import_module(f"{package}.{part}")
     except ImportError:
@@ -199,6 +199,10 @@ class FactTopics:
             elif self._held.get(each) != args:
                 self._held[each] = args
                 self._changed[each.robot] = clock
+
+    def touch(self, robot: int, clock: Instant) -> None:
+        """Let `robot` be told all of its facts at once."""
+        self._changed[robot] = clock
 
     def told(self, robot: int, clock: Instant) -> tuple[tuple[str, Args], ...] | None:
         """Return all facts of `robot` when they have changed, and each second: samples get lost, and minds restart."""

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from rmr.base.geometry import Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant
@@ -149,6 +149,9 @@ class SimulatedRobot:
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels."""
         self._host.world.act(self.robot, twist, stamp, self._host.kernel.now)
+
+    def head(self, serial: int, target: Pose | None, stamp: Instant) -> None:
+        """Do nothing: a simulated body has no driver of its own, and is not asked."""
 
     # -- the host's part --------------------------------------------------------------------------------------
 

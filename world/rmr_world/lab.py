@@ -81,6 +81,8 @@ class Ros2Body:
     """The topic of its laser scans; empty: they are not read."""
     scan_at: Pose = _NO_OFFSET
     """Pose of the lidar on the robot."""
+    navigate: str = ""
+    """The action of Nav2 by which it drives; empty: it has none."""
 
 
 @record

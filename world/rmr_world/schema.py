@@ -387,6 +387,7 @@ class Ros2Spec(_Strict):
     pose: Topic = "amcl_pose"
     scan: Topic | None = None
     scan_at: tuple[Number, Number, Angle] = (0.0, 0.0, 0.0)
+    navigate: Topic | None = None
     sigma: Annotated[float, Strict(), Field(gt=0, le=10)] = 0.03
     heading_sigma: Annotated[Angle, Field(gt=0, le=math.pi)] = math.radians(3)
     origin: tuple[Number, Number, Angle] = (0.0, 0.0, 0.0)

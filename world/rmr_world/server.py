@@ -209,6 +209,7 @@ class WorldServer:
         alive = robot in self._alive and robot not in self._vanished
         taken = not self._incarnations.claim(robot, token, time.monotonic(), alive=alive)
         lives, ended = self._incarnations.life(robot, token)
+        known = known._replace(navigates=any(body.robot == robot and body.navigate for body in self._lab.bodies))
         return known._replace(taken=taken, lives=lives, predecessor_ended=ended)
 
     def _answer_clock(self, message: wire.Envelope, arrived: int) -> wire.Message | None:

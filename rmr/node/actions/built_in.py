@@ -11,7 +11,7 @@ from rmr.base.time import milliseconds
 from rmr.base.values import Symbol
 from rmr.bytecode.provided import ACTIONS
 from rmr.node.actions.dispatcher import Handler
-from rmr.node.actions.drives import GoTo, LineUp, MoveTo, ReachDrive
+from rmr.node.actions.drives import GoTo, LineUp, MoveTo, Navigate, ReachDrive
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, pause_of
 from rmr.node.actions.node_handle import ActionSteps, LocatedSteps, NodeHandle
 
@@ -54,6 +54,11 @@ def face(robot: NodeHandle, degrees: float) -> FaceSteps:
 def moveto(robot: NodeHandle, area_name: str) -> MoveTo:
     """Drive to an area: the robot's own place of a slotted one, a free spot of a box, the point otherwise."""
     return MoveTo(robot, area_name)
+
+
+def navigate(robot: NodeHandle, area_name: str) -> Navigate:
+    """Drive to an area as `moveto` does, by the driver of the body itself if it has one (Nav2)."""
+    return Navigate(robot, area_name)
 
 
 def lineup(robot: NodeHandle, area_name: str, place: int) -> LineUp:
@@ -151,6 +156,7 @@ HANDLERS: Final[dict[str, Handler]] = {
     handler.run.__name__: handler
     for handler in (
         Handler("moveto", moveto, wheels=True, to_area=True),
+        Handler("navigate", navigate, wheels=True, to_area=True),
         Handler("lineup", lineup, wheels=True, takes_over=True),
         Handler("goto", goto, wheels=True),
         Handler("reach", reach, wheels=True),

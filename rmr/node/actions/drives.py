@@ -197,6 +197,34 @@ class MoveTo(Drive):
         return self._robot.node.take_place(self._area, self._permit)
 
 
+class Navigate(MoveTo):
+    """A drive to an area by the body's own driver, if it has one: it ends and fails as that does."""
+
+    __slots__ = ("_navigates",)
+
+    def __init__(self, robot: NodeHandle, area_name: str) -> None:
+        super().__init__(robot, area_name)
+        self._navigates = False
+
+    def begin(self) -> Pause | None:
+        """Set out."""
+        self._navigates = self._robot.node.let_navigate()
+        return super().begin()
+
+    def _ends(self) -> bool:
+        return bool(self._failure) or super()._ends()
+
+    @property
+    def _failure(self) -> str:
+        return self._robot.node.navigation_failure if self._navigates else ""
+
+    def go_on(self) -> Pause | None:
+        """Look how the drive goes. Raises ActionFailed."""
+        if self._failure:
+            raise ActionFailed(self._failure)
+        return super().go_on()
+
+
 class LineUp(Drive):
     """A drive to a place of a queue."""
 

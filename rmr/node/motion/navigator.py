@@ -49,8 +49,8 @@ class Navigator:
     __slots__ = (
         "_ahead", "_as_if_left", "_driven", "_driving", "_excursion", "_face", "_first_m", "_follower", "_gate",
         "_lost", "_next_try", "_open_way", "_order", "_parked", "_pose", "_queueing", "_replan_due", "_reverse_until",
-        "_right_of_way", "_stand_off", "_standing", "_v", "arena", "control", "hearing", "policy", "replans", "robot",
-        "status",
+        "_right_of_way", "_stand_off", "_standing", "_v", "arena", "control", "hearing", "outside", "policy", "replans",
+        "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1, switches: RuleSwitches | None = None) -> None:
@@ -60,6 +60,8 @@ class Navigator:
         self.status = "idle"
         """``idle``, ``moving``, ``arrived`` or ``blocked`` (no route; planned again from time to time)."""
         self.replans = 0
+        self.outside = False
+        """Whether somebody else drives, by what `heads_for` says, until `stop`."""
         switches = RuleSwitches() if switches is None else switches
         if switches.without:
             check_names(switches.without)
@@ -212,6 +214,7 @@ class Navigator:
     def stop(self) -> None:
         """Forget every order and stand still."""
         self._clear()
+        self.outside = False
         self.status = "idle"
 
     def _clear(self) -> None:
@@ -275,6 +278,8 @@ class Navigator:
         control = self.control
         ahead = 0 if self._excursion is not None else self._ahead
         cap = control.cap(follower, self._gate, self._right_of_way, self._queueing, ahead, self._first_m)
+        if self.outside:
+            return STILL  # the cap has told the gate whether it is time to leave
         wish = follower.steer(pose, cap)
         allowed = control.slowed(wish)
         if control.law.limited_by == SHIELD and self.remaining_m > LOOK_AHEAD_M:
@@ -326,6 +331,31 @@ class Navigator:
             self._replan_due = False
             self._replan(now, pose, keep=True)
         return True
+
+    def heads_for(self) -> Pose | None:
+        """Return where another driver is to drive: the end of the route, or the hold line of a gate that is closed.
+
+        None: it is to stand, for it is too early to leave, or the robot is at the line already.
+        """
+        follower = self._follower
+        if not self.outside or self.status != "moving" or follower is None or self._gate.holding:
+            return None
+        route = follower.route
+        s = route.length_m
+        if route.gate_m is not None and not self._gate.passed and not self._gate.open_to(route):
+            s = min(self._gate.hold_line_m(route), self._first_m)
+            if follower.s >= s:
+                return None
+        elif self._face is not None:
+            return Pose(*route.point(s), self._face)
+        return Pose(*route.point(s), route.heading(s - LOOK_AHEAD_M))
+
+    def reached(self, target: Pose) -> None:
+        """Take in that another driver has come to `target`: the drive ends there, or goes on from the hold line."""
+        follower = self._follower
+        if follower is not None and distance(target.x, target.y, *follower.route.points[-1]) < LOOK_AHEAD_M:
+            follower.arrived = True
+            self._face = None
 
     def waits(self, now: Instant) -> bool:
         """Return whether the robot stands before a gate until its turn."""

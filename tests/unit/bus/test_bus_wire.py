@@ -185,6 +185,7 @@ MESSAGES = {
         st.lists(disturbances, **lists).map(tuple),
         st.none() | instants,
         st.lists(names, **lists).map(tuple),
+        st.booleans(),
     ),
     wire.Truth: st.builds(
         wire.Truth,

@@ -304,3 +304,40 @@ def test_a_robot_that_is_given_another_place_ends_its_excursion_first():
     navigator.step(now + seconds(RETREAT_S + RETREAT_SPREAD_S), start, [], bumped=False)
     assert not navigator.aside
     assert navigator.route.points[-1] == other
+
+
+def test_another_driver_heads_for_the_hold_line_then_for_the_goal_and_the_drive_ends_when_it_is_there():
+    _, body, nav = alone()
+    nav.outside = True
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    assert nav.step(0, body.estimate, (), False) == STILL
+    line = nav.heads_for()
+    assert nav.route is not None
+    assert math.dist((line.x, line.y), nav.route.point(nav.route.gate_m or 0.0)) == pytest.approx(0.08, abs=0.02)
+    nav.reached(line)
+    assert nav.status == "moving"
+    at_line = Pose(line.x, line.y, line.theta)
+    nav.relocate(0, at_line)
+    nav.step(0, at_line, (), False)
+    assert nav.heads_for() is None, "it stands until its turn"
+    nav.gate(None, True)
+    goal = nav.heads_for()
+    assert math.dist((goal.x, goal.y), EXIT) < 1e-9
+    nav.reached(goal)
+    assert nav.step(0, at_line, (), False) == STILL
+    assert nav.status == "arrived"
+    nav.stop()
+    assert not nav.outside
+
+
+def test_another_driver_stands_while_it_is_too_early_to_leave():
+    _, body, nav = alone()
+    nav.outside = True
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    nav.gate(seconds(60), False)
+    nav.step(0, body.estimate, (), False)
+    nav.step(tick_start(1), body.estimate, (), False)
+    assert nav.heads_for() is None
+    nav.gate(seconds(60), True)
+    nav.step(tick_start(2), body.estimate, (), False)
+    assert nav.heads_for() is not None

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from rmr.base.geometry import Pose
 from rmr.base.time import NS_PER_S, seconds
 from rmr.base.values import Robot, Symbol
 from rmr_ros import ros_facts
-from rmr_ros.ros_actions import ActionCall, RosActions, fitting
+from rmr_ros.ros_actions import ActionCall, Nav2Drives, RosActions, fitting
 from rmr_ros.ros_facts import TopicFactError
 from rmr_world.fact_syntax import TermError, parse_ros_action
 
@@ -274,3 +275,138 @@ def test_an_action_that_is_broken_off_is_not_waited_for():
     actions.step(seconds(9.0))
     assert node.dropped == [node.calls[0][1]]
     assert list(actions.ended()) == []
+
+
+class Goal:
+    """A handle of a goal."""
+
+    def __init__(self, accepted=True):
+        self.accepted = accepted
+        self.result = Future()
+        self.cancelled = 0
+
+    def get_result_async(self):
+        return self.result
+
+    def cancel_goal_async(self):
+        self.cancelled += 1
+
+
+class Nav2:
+    """An action client whose server the test plays; it is the module nav2_msgs.action, too."""
+
+    def __init__(self):
+        self.ready = True
+        self.sent = []
+        self.NavigateToPose = SimpleNamespace(Goal=self.goal)
+
+    @staticmethod
+    def goal():
+        parts = SimpleNamespace(position=SimpleNamespace(x=0.0, y=0.0), orientation=SimpleNamespace(z=0.0, w=1.0))
+        return SimpleNamespace(pose=SimpleNamespace(header=SimpleNamespace(frame_id=""), pose=parts))
+
+    def server_is_ready(self):
+        return self.ready
+
+    def send_goal_async(self, goal):
+        self.sent.append((goal.pose.pose.position.x, goal.pose.pose.position.y, Future()))
+        return self.sent[-1][2]
+
+    def accept(self, index=-1, accepted=True):
+        self.sent[index][2].answer = goal = Goal(accepted)
+        return goal
+
+
+@pytest.fixture
+def nav2(monkeypatch):
+    found = Nav2()
+    monkeypatch.setattr(ros_facts, "import_module", lambda _package: found)
+    found.drives = Nav2Drives({4: ("/r4/nav", Pose(1.0, 2.0, math.pi / 2))}, lambda _kind, _name: found)
+    return found
+
+
+def test_a_goal_is_given_in_the_frame_of_the_map_and_its_end_is_told(nav2):
+    nav2.drives.go(ASKED, (0.5, 0.1, 0.0), 0)
+    nav2.drives.go(ASKED, (0.5, 0.1, 0.0), NS_PER_S)
+    ((x, y, _),) = nav2.sent
+    assert (x, y) == pytest.approx((0.9, 2.5))
+    nav2.drives.step(NS_PER_S)
+    assert (nav2.drives.told(4), nav2.drives.is_news(4)) == ((), False)
+    nav2.accept().result.answer = SimpleNamespace(status=4, result=SimpleNamespace())
+    nav2.drives.step(NS_PER_S)
+    assert nav2.drives.told(4) == (("navigated", (1, "")),)
+    assert (nav2.drives.is_news(4), nav2.drives.is_news(4)) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("status", "result", "why"),
+    [
+        (6, SimpleNamespace(error_code=103, error_msg="no path"), "Nav2 has given up: no path"),
+        (6, SimpleNamespace(error_code=103, error_msg=""), "Nav2 has given up: error 103"),
+        (6, SimpleNamespace(), "Nav2 has given up"),
+        (5, SimpleNamespace(error_code=0), "somebody has cancelled the goal of Nav2"),
+    ],
+)
+def test_a_goal_that_fails_is_told_with_what_nav2_says(nav2, status, result, why):
+    nav2.drives.go(ASKED, (0.5, 0.1, 0.0), 0)
+    nav2.accept().result.answer = SimpleNamespace(status=status, result=result)
+    nav2.drives.step(0)
+    assert nav2.drives.told(4) == (("navigated", (1, why)),)
+
+
+def test_a_goal_that_is_refused_fails(nav2):
+    nav2.drives.go(ASKED, (0.5, 0.1, 0.0), 0)
+    nav2.accept(accepted=False)
+    nav2.drives.step(0)
+    assert nav2.drives.told(4) == (("navigated", (1, "Nav2 refuses the goal")),)
+
+
+def test_a_newer_goal_takes_the_place_of_an_older_one_which_is_cancelled_when_the_newer_is_accepted(nav2):
+    nav2.drives.go(ASKED, (0.5, 0.1, 0.0), 0)
+    old = nav2.accept()
+    nav2.drives.step(0)
+    nav2.drives.go((4, 77, 2), (0.9, 0.1, 0.0), 0)
+    nav2.drives.step(0)
+    assert old.cancelled == 0
+    new = nav2.accept()
+    old.result.answer = SimpleNamespace(status=6, result=SimpleNamespace())
+    nav2.drives.step(0)
+    assert (old.cancelled, new.cancelled, nav2.drives.told(4)) == (1, 0, ())
+
+
+def test_a_goal_is_cancelled_when_its_mind_says_so_when_it_says_nothing_and_at_the_end(nav2):
+    for number, leave in enumerate(
+        (
+            lambda asked: nav2.drives.go(asked, (), 0),
+            lambda _: nav2.drives.step(seconds(1.6)),
+            lambda _: nav2.drives.close(),
+        )
+    ):
+        asked = (4, 77, number)
+        nav2.drives.go(asked, (0.5, 0.1, 0.0), 0)
+        goal = nav2.accept()
+        nav2.drives.step(seconds(1.4))
+        assert goal.cancelled == 0
+        nav2.drives.go((4, 77, 99), (), 0)
+        leave(asked)
+        nav2.drives.step(0)
+        assert goal.cancelled == 1
+        assert nav2.drives.told(4) == ()
+
+
+def test_a_nav2_that_is_not_there_is_named(nav2, monkeypatch):
+    nav2.ready = False
+    assert list(nav2.drives.missing()) == [
+        "robot 4: nobody serves /r4/nav (nav2_msgs/action/NavigateToPose): start its Nav2, or correct the name under "
+        "bodies"
+    ]
+
+    def none(package):
+        raise ImportError(package)
+
+    monkeypatch.setattr(ros_facts, "import_module", none)
+    with pytest.raises(
+        TopicFactError, match=r"^bodies: the actions of nav2_msgs are not installed here; source the set-up"
+    ):
+        Nav2Drives({4: ("/r4/nav", Pose(0.0, 0.0, 0.0))}, lambda _kind, _name: None)
+    assert Nav2Drives({}, lambda _kind, _name: None).drives(4) is False

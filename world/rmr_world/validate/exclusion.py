@@ -134,7 +134,7 @@ def _too_near(lab: Lab, use: PassageUse) -> NearEnds | None:
 
 def _further_actions(program: Program, assertion: Assertion) -> list[str]:
     names = dict.fromkeys(program.predicates[each.action].name for each in assertion.serving)
-    return [name for name in names if name != MOVETO] if assertion.scheduled else []
+    return [name for name in names if name not in (MOVETO, "navigate")] if assertion.scheduled else []
 
 
 def _cut_short(lab: Lab, program: Program, drive: FirstDrive, assertion: Assertion) -> bool:

@@ -353,10 +353,9 @@ def _radio_settings(spec: RadioSpec) -> RadioSettings:
 
 def _ros2_body(spec: Ros2Spec, robot: int) -> Ros2Body:
     namespace = spec.namespace.rstrip("/")
-    odom, cmd_vel, pose, scan = (
-        ros_name(name, robot, namespace) if name else "" for name in (spec.odom, spec.cmd_vel, spec.pose, spec.scan)
-    )
-    places = Pose(*spec.origin), namespace, scan, Pose(*spec.scan_at)
+    names = spec.odom, spec.cmd_vel, spec.pose, spec.scan, spec.navigate
+    odom, cmd_vel, pose, scan, navigate = (ros_name(name, robot, namespace) if name else "" for name in names)
+    places = Pose(*spec.origin), namespace, scan, Pose(*spec.scan_at), navigate
     return Ros2Body(robot, odom, cmd_vel, pose, spec.sigma, spec.heading_sigma, *places)
 
 

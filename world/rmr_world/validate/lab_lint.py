@@ -24,7 +24,9 @@ def no_localisation(lab: Lab, program: Program) -> Iterator[Finding]:
     """Warn of a localisation service that gives no robot its position although the program drives."""
     # The provided actions that begin only when the robot knows its position.
     drives = [
-        p.name for p in program.predicates if p.kind is Kind.ACTION and p.name in ("moveto", "lineup", "goto", "reach")
+        p.name
+        for p in program.predicates
+        if p.kind is Kind.ACTION and p.name in ("moveto", "navigate", "lineup", "goto", "reach")
     ]
     if not drives:
         return

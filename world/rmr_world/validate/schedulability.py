@@ -47,8 +47,9 @@ CHECKS = (assertion_never_starts, assertion_never_scheduled)
 
 
 def served_by_moveto(program: Program, assertion: Assertion) -> bool:
-    """Return whether the assertion is scheduled and a `moveto` serves it, so that robots pass a bottleneck in turns."""
-    return assertion.scheduled and any(program.predicates[each.action].name == MOVETO for each in assertion.serving)
+    """Return whether the assertion is scheduled and a drive to an area serves it: robots pass a bottleneck in turns."""
+    served_by = [program.predicates[each.action].name for each in assertion.serving]
+    return assertion.scheduled and any(name in (MOVETO, "navigate") for name in served_by)
 
 
 def served_by_handler(program: Program, assertion: Assertion) -> bool:
