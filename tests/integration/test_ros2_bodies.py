@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -19,6 +21,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(bool(LACKS), reason=f"no {' and no '.join(LACKS)} here: make ros2"),
 ]
+PAGE = EXAMPLES.parents[1] / "ros2.md"
 DOMAIN = 1 + os.getpid() % 100
 """Of this process, so that tests beside each other do not drive each other's robots."""
 ENVIRONMENT = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(DOMAIN)}
@@ -204,3 +207,42 @@ def test_without_the_lidar_it_drives_into_it(tmp_path, robots):
     fleet = robots(tmp_path / "blind.yaml", "--stranger", "1.3:0.8")
     up(tmp_path / "blind.yaml", tmp_path, "--timeout", "40")
     assert ["robot 4", "stranger0"] in [sorted(pair) for _, *pair in fleet.end()["contacts"]]
+
+
+def commands_of_the_page(section):
+    """Return the indented lines of a section of the page, as a shell gets them, without those that are set-up."""
+    text = PAGE.read_text().split(f"\n## {section}\n")[1].split("\n## ")[0]
+    lines = [line.strip() for line in text.splitlines() if line.startswith("    ")]
+    exports = [line for line in lines if line.startswith("export ")]
+    assert set(exports) == {"export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"}
+    return [line for line in lines if line not in exports]
+
+
+TRIED = commands_of_the_page("Try it without robots")
+ROBOTS = [line for line in TRIED if line.startswith("python ")]
+
+
+def test_the_page_has_a_command_for_the_lab_and_some_for_robots():
+    assert [line for line in TRIED if line not in ROBOTS] == ["rmr up docs/examples/ros2/corridor.yaml"]
+    assert len(ROBOTS) == 4
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("line", ROBOTS)
+def test_what_the_page_says_to_try_without_robots_works_word_by_word(tmp_path, line):
+    """In the folder of a clone, with the programs of its environment first on the path, in two terminals."""
+    (tmp_path / "docs").symlink_to(PAGE.parent)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    terminal = {"cwd": tmp_path, "env": ENVIRONMENT | {"PATH": path}, "text": True}
+    lab = re.search(r"docs/\S+\.yaml", line)[0]
+    words = shlex.split(line, comments=True)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **terminal) as fleet:
+        try:
+            assert re.fullmatch(r"\d robots\n", fleet.stdout.readline()), fleet.stderr.read()
+            up = subprocess.run(["rmr", "up", lab], capture_output=True, check=False, **terminal)
+        finally:
+            fleet.send_signal(signal.SIGINT)
+            errors = fleet.communicate(timeout=60)[1]
+    assert up.returncode == 0, up.stdout + up.stderr
+    assert "every robot holds the finish fact" in up.stdout + up.stderr
+    assert "Traceback" not in errors + up.stderr
