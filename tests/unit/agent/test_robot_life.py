@@ -142,6 +142,9 @@ class StubNode:
     def overhear(self, now, frame):
         return False
 
+    def hold_offers(self, now, held):
+        assert not held  # no program is loaded
+
     def tick(self, now):
         self.calls.append(now)
         self.ports.body.sense()
