@@ -7,7 +7,6 @@ leaves. It costs nothing where goals differ.
 """
 
 from collections.abc import Sequence
-from math import inf
 from typing import Final
 
 from rmr.base.arena import RobotShape
@@ -22,23 +21,18 @@ EACH_RADII: Final = 3.0
 """How much farther away each of those waits that come after it, up to `QUEUED_MAX`."""
 QUEUED_MAX: Final = 5
 SLACK_RADII: Final = 0.5
-"""The next robot drives on if it is nearer to the goal than where it would wait, by more than this."""
+"""A robot that is nearer to the goal than where it waits, by more than this, drives on."""
 BESIDE: Final = 1.5
 """Robots within this many times the distance at which one stands on a goal are in a ring that waits for itself."""
 WAITING_RADII: Final = NEAR_RADII + (QUEUED_MAX + 1) * EACH_RADII
 """Robots nearer to the goal than this wait for it."""
 
 
-def room_m(route: Route, s: float, shape: RobotShape, ahead: int) -> float:
-    """Return how far a robot at arc length `s` of `route` drives before it waits, metres, if so many go first.
-
-    0 or less: it waits where it is. It never waits in a passage. Only the next one drives on if it is nearer: where all
-    of them did, they would close a ring around the one that leaves.
-    """
+def hold_m(route: Route, shape: RobotShape, ahead: int) -> float:
+    """Return the arc length of `route` at which a robot waits, metres, if so many go first: never in a passage."""
     radii = NEAR_RADII + EACH_RADII * (min(ahead, QUEUED_MAX) - 1)
-    hold = route.length_m - radii * shape.radius
-    room = (hold if route.gate_m is None else max(hold, route.clear_m)) - s
-    return inf if ahead == 1 and room < -SLACK_RADII * shape.radius else room
+    before = route.length_m - radii * shape.radius
+    return before if route.gate_m is None else max(before, route.clear_m)
 
 
 def is_one_goal(one: Point | None, other: Point | None, shape: RobotShape) -> bool:

@@ -16,7 +16,7 @@ from rmr.base.motion_scale import scale_of
 from rmr.base.time import Instant
 from rmr.node.motion.follow import Follower, braking_speed
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.goal_queue import room_m
+from rmr.node.motion.goal_queue import SLACK_RADII, hold_m
 from rmr.node.motion.hearing import CUT_OFF, LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.queueing import waits_in_queue
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -188,5 +188,6 @@ class GoalRule(Hazard):
         follower = around.follower
         if not around.ahead or follower is None:
             return v
-        room = room_m(follower.route, follower.s, around.arena.shape, around.ahead)
-        return min(v, braking_speed(room))
+        shape = around.arena.shape
+        room = hold_m(follower.route, shape, around.ahead) - follower.s
+        return v if room < -SLACK_RADII * shape.radius else min(v, braking_speed(room))

@@ -80,8 +80,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
         HazardStage.CAP,
         "several robots that drive to one place",
         "a robot whose goal is taken waits six radii before it; each that goes later (farther off by six radii, else "
-        "later in the order) waits three radii farther away, up to five of them, or where it is if that is nearer; "
-        "robots on each other's goals go",
+        "later in the order) waits three radii farther away, up to five of them; robots on each other's goals go",
         "goal_queue.py",
     ),
     Hazard(

@@ -7,7 +7,7 @@ import pytest
 
 from rmr.base.arena import REFERENCE, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.node.motion.goal_queue import robots_ahead, room_m
+from rmr.node.motion.goal_queue import hold_m, robots_ahead
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard, order_key
 from rmr.node.motion.route import Route
@@ -66,18 +66,12 @@ def test_robots_that_stand_on_each_others_goals_do_not_wait_for_each_other():
 def test_the_more_go_first_the_farther_away_a_robot_waits_but_never_in_a_passage():
     points = (Point(0.0, 1.0), GOAL)
     open_floor = Route(points, (0.0, 2.0))
-    waits = [open_floor.length_m - room_m(open_floor, 0.0, REFERENCE, ahead) for ahead in range(1, 9)]
+    waits = [open_floor.length_m - hold_m(open_floor, REFERENCE, ahead) for ahead in range(1, 9)]
     assert waits[0] > 4.0 * REFERENCE.radius  # a hull and a gap beside the one that leaves
     assert all(b - a > 2.0 * REFERENCE.radius for a, b in pairwise(waits[:5]))
     assert len(set(waits[4:])) == 1
     behind_a_passage = Route(points, (0.0, 2.0), gate_m=0.5, clear_m=1.8)
-    assert room_m(behind_a_passage, 0.0, REFERENCE, 3) == pytest.approx(1.8)
-
-
-def test_of_those_that_are_nearer_than_they_would_wait_only_the_next_one_drives_on():
-    route = Route((Point(0.0, 1.0), GOAL), (0.0, 2.0))
-    assert room_m(route, 1.8, REFERENCE, 1) == math.inf
-    assert room_m(route, 1.8, REFERENCE, 2) < 0.0
+    assert hold_m(behind_a_passage, REFERENCE, 3) == pytest.approx(1.8)
 
 
 @pytest.mark.parametrize(("goal", "gives_way"), [(GOAL, False), (Point(GOAL.x, 0.2), True)])
